@@ -128,17 +128,19 @@ class BlockSums:
     def __add__(self, other: "BlockSums") -> "BlockSums":
         return BlockSums(self.weight + other.weight, self.product + other.product)
 
-    def solved(self, sigma: float, gamma: DoubleArray) -> DoubleArray:
+    def solved(self, sigma: float, gamma: DoubleArray, expected: DoubleArray | None = None) -> DoubleArray:
         """Chromaticities, (rows, columns, C): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a multiplier.
 
         sigma: sigma_z > 0, in the units of l.
         gamma: (C,), the weights of Eq. 7.
+        expected: what they are pulled towards, as the result; None = grey, as in the paper.
         """
         a = self.weight + sigma**2
-        free = (self.product + sigma**2 / gamma.sum()) / a  # Eqs. 8-9 without the constraint, pulled towards grey
+        towards = sigma**2 / gamma.sum() if expected is None else sigma**2 * expected
+        free = (self.product + towards) / a  # Eqs. 8-9 without the constraint
         pull = gamma / a
         missing = 1 - free @ gamma
-        return free + pull * (missing / (pull @ gamma))[..., None]  # type: ignore[no-any-return]
+        return free + pull * (missing / (pull @ gamma))[..., None]
 
 
 def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:

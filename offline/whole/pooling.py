@@ -1,8 +1,11 @@
 """Chromaticity from the pooled statistics of many similar blocks, where a single block is too noisy.
 
 The sums of Eqs. 8-9, A_i and sum l m, hold everything that a block knows about its chromaticity, each sample weighted by its
-precision. So the sums are averaged, not the chromaticities: a dark block adds little to its neighbours and gains much from them,
+precision. So the sums are added up, not the chromaticities: a dark block adds little to its neighbours and gains much from them,
 and so does a block on an edge, whose luminance is filled in and uncertain.
+
+Eqs. 8-9 pull a block's chromaticity towards grey. Pooled sums are surer, and need less of that; and what a camera takes for grey is
+seldom the colour of a dark place. So they are pulled towards the chromaticity of all blocks around.
 """
 
 import numpy as np
@@ -23,6 +26,10 @@ _LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everythin
 _AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen
 _FAINTEST, _STRONGEST = 0.15, 3.0  # its range, in units of grey
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance
+_EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected
+_APART = (
+    0.42  # units of grey: how far from it a chromaticity may well be; with 0.3, dark colours fade, with 0.6 there is more noise
+)
 
 
 def pool_blocks(
@@ -51,10 +58,10 @@ def pool_blocks(
         shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
         variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE * frame.level**2)
         sums[:channels] += others.weight.transpose(2, 0, 1) / variances
-        sums[channels:-1] += others.product.transpose(2, 0, 1) / variances
+        sums[channels:] += others.product.transpose(2, 0, 1) / variances
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
-    used = len(sums)
-    sums = np.pad(sums, ((0, -used % TOGETHER), (0, 0), (0, 0)))
+    expected = _solved(smoothed(sums, _EXPECTED), gamma)
+    sums = np.pad(sums, ((0, -len(sums) % TOGETHER), (0, 0), (0, 0)))
     brightness = np.log(light.clip(_LEAST_LIGHT * frame.level))
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
@@ -64,20 +71,20 @@ def pool_blocks(
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
-        chromaticity = _solved(pooled[:used, :, :columns], gamma)
+        chromaticity = _solved(pooled[: 2 * channels, :, :columns], gamma, 1 / (_APART * frame.mosaic.calibration.grey), expected)
         progress.advance()
     return sites.grid.extend(chromaticity.transpose(1, 2, 0))
 
 
 def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
-    """The sums of Eqs. 8-9 of each whole block, float32 (2 C + 1, rows, columns), and its luminance, float32 (rows, columns).
+    """The sums of Eqs. 8-9 of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows, columns).
 
-    The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error.
-    That is the noise of the sample, taking the block for grey, and an error of luminance of `error` times its curvature, as the
-    channel sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
+    The planes are sum l^2 of each channel, then sum l m of each channel. Each term is divided by the variance of its error. That is
+    the noise of the sample, taking the block for grey, and an error of luminance of `error` times its curvature, as the channel
+    sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
     """
     channels, noise = len(frame.gamma), frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma))
-    sums, light = np.zeros((2 * channels + 1, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
+    sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
     signal, places = frame.signal, frame.sites.places
     grey = np.float32(frame.mosaic.calibration.grey)
     seen = smoothed(chromaticity, _AROUND).clip(_FAINTEST * grey, _STRONGEST * grey)
@@ -89,17 +96,20 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
         sums[channel] += value**2 * precision
         sums[channels + channel] += value * signal[place] * precision
         light += value / len(places)
-    sums[-1] = 1
     return sums, light
 
 
-def _solved(pooled: FloatArray, gamma: DoubleArray) -> FloatArray:
-    """Chromaticities, float32 (C, rows, columns), from weighted means of the sums: Eqs. 8-9, with sigma_z = 1, their unit."""
-    found = np.empty((len(gamma), *pooled.shape[1:]), np.float32)
-    for rows in strips(pooled.shape[1]):
-        means = (pooled[:-1, rows] / pooled[-1, rows]).astype(np.float64).transpose(1, 2, 0)
-        sums = BlockSums(means[..., : len(gamma)], means[..., len(gamma) :])
-        found[:, rows] = sums.solved(1.0, gamma).transpose(2, 0, 1)
+def _solved(sums: FloatArray, gamma: DoubleArray, sigma: float = 1.0, expected: FloatArray | None = None) -> FloatArray:
+    """Chromaticities, float32 (C, rows, columns), from sums of blocks, float32 (2 C, rows, columns); see `BlockSums.solved`.
+
+    expected: as the result. A chromaticity is 1 / sigma from it, or from grey, as likely as a sum is wrong by its noise.
+    """
+    channels = len(gamma)
+    found = np.empty((channels, *sums.shape[1:]), np.float32)
+    for rows in strips(sums.shape[1]):
+        weight, product = np.moveaxis(sums[:, rows].astype(np.float64).reshape(2, channels, -1, sums.shape[2]), 1, 3)
+        centre = None if expected is None else expected[:, rows].transpose(1, 2, 0).astype(np.float64)
+        found[:, rows] = BlockSums(weight, product).solved(sigma, gamma, centre).transpose(2, 0, 1)
     return found
 
 

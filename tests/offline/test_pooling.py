@@ -72,6 +72,18 @@ def test_noise_goes_and_edges_stay() -> None:
     assert np.abs(found - true).max() < 0.2 * np.abs(true[0, 0] - true[0, -1]).max()
 
 
+def test_dark_colour_does_not_fade() -> None:
+    """Each block by itself is pulled a tenth of its way to grey; all of them together know better."""
+    pattern, shape = CfaPattern.bayer(6), (240, 240)
+    mosaic, light, coarse = blocks_of(
+        pattern, shape, NoiseModel.gaussian(0.03, 4), scene=np.broadcast_to([0.06, 0.02, 0.02], (*shape, 3))
+    )
+    given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
+    grey, true = mosaic.calibration.grey, np.array([0.06, 0.02, 0.02]) / light.mean()
+    kept = (pool_blocks(given, cleaned(mosaic), light, SETTINGS).mean(axis=(0, 1)) - grey) / (true - grey)
+    assert_close(kept, np.ones(3), 0.06)
+
+
 @pytest.mark.parametrize("noise", [None, NoiseModel.gaussian(0.0, 4)])
 def test_without_noise_blocks_are_left_alone(noise: NoiseModel | None) -> None:
     mosaic, light, coarse = blocks_of(CfaPattern.bayer(6), (40, 40), NoiseModel.gaussian(0.01, 4))

@@ -57,14 +57,16 @@ def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPatter
     return float(max(abs((above + below) / 2 - here), abs((left + right) / 2 - here)))
 
 
-def solve(weight: DoubleArray, product: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
-    """Eqs. 8-9 for one block, in units of the noise, from the Lagrange equations."""
+def solve(
+    weight: DoubleArray, product: DoubleArray, gamma: tuple[float, ...], expected: DoubleArray, precision: float
+) -> DoubleArray:
+    """Eqs. 8-9 for one block, in units of the noise, from the Lagrange equations; pulled towards what is expected."""
     count = len(gamma)
     equations, right = np.zeros((count + 1, count + 1)), np.ones(count + 1)
     for i in range(count):
-        equations[i, i] = weight[i] + 1
+        equations[i, i] = weight[i] + precision
         equations[i, count] = equations[count, i] = gamma[i]
-        right[i] = product[i] + 1 / sum(gamma)
+        right[i] = product[i] + precision * expected[i]
     solution: DoubleArray = np.linalg.solve(equations, right)[:count].astype(np.float64)
     return solution
 
@@ -87,11 +89,15 @@ def pool(
     variance = 1 / weight.mean(axis=2)
     brightness = np.log(np.maximum(luminance, 1e-3))
     places = list(np.ndindex(*luminance.shape))
+    around = [np.stack([blur(plane, 2.5) for plane in np.moveaxis(each, 2, 0)], axis=2) for each in (weight, product)]
+    grey, expected = np.full(len(gamma), 1 / sum(gamma)), np.empty_like(coarse)
+    for here in places:
+        expected[here] = solve(around[0][here], around[1][here], gamma, grey, 1.0)
     for std, tolerance, radius in passes:
         smooth = np.stack([blur(plane, std) for plane in np.moveaxis(coarse, 2, 0)], axis=2) if std else coarse
         following = np.empty_like(coarse)
         for here in places:
-            total, weights, products = 0.0, np.zeros(len(gamma)), np.zeros(len(gamma))
+            weights, products = np.zeros(len(gamma)), np.zeros(len(gamma))
             for there in places:
                 down, right = abs(there[0] - here[0]), abs(there[1] - here[1])
                 if max(down, right) > radius:
@@ -99,9 +105,8 @@ def pool(
                 alike = ((smooth[there] - smooth[here]) ** 2).sum() / (2 * tolerance * (variance[there] + variance[here]))
                 alike += (brightness[there] - brightness[here]) ** 2 / (2 * light**2)
                 alike += (down**2 + right**2) / (2 * (radius / 1.5) ** 2)
-                total += math.exp(-alike)
                 weights += math.exp(-alike) * weight[there]
                 products += math.exp(-alike) * product[there]
-            following[here] = solve(weights / total, products / total, gamma)
+            following[here] = solve(weights, products, gamma, expected[here], (sum(gamma) / 0.42) ** 2)
         coarse = following
     return coarse
