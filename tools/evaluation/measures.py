@@ -12,6 +12,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tools.scenes.scene import RGB
 
+from .colour_kept import PLACES, colour_kept
 from .hue import wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 from .ssim import ssim
@@ -67,6 +68,7 @@ class Measures:
     psnr: of the whole picture without its border, dB, one for each of PLANES.
     ssim: of the same.
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
+    kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
     hues: float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
@@ -76,6 +78,7 @@ class Measures:
     psnr: tuple[float, float, float]
     ssim: float
     wrong_hue: float | None
+    kept: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
     hues: FloatArray
@@ -95,6 +98,7 @@ class Measures:
             whole_psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
             float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()) if visible else None,
+            colour_kept(rendered[..., places], truth[..., places]) if visible else np.zeros((2, len(PLACES))),
             tuple(Histogram.of(plane) for plane in maps),
             _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
             _window_means(wrong.astype(np.float64)),
@@ -106,7 +110,7 @@ class Measures:
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array(self.quality)
         whole = np.array([*self.psnr, self.ssim, np.nan if self.wrong_hue is None else self.wrong_hue])
-        np.savez_compressed(buffer, quality=quality, whole=whole, errors=self.errors, hues=self.hues, **parts)
+        np.savez_compressed(buffer, quality=quality, whole=whole, kept=self.kept, errors=self.errors, hues=self.hues, **parts)
         return buffer.getvalue()
 
     @classmethod
@@ -118,7 +122,8 @@ class Measures:
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
                 *psnr, ssim_, hue = stored["whole"].tolist()
                 wrong = None if np.isnan(hue) else hue
-                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, parts, stored["errors"], stored["hues"])
+                rest = (stored[name] for name in ("errors", "hues"))
+                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, stored["kept"], parts, *rest)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

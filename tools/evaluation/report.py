@@ -9,6 +9,7 @@ from tools.host.console import one_line
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
 from .claims import claims
+from .colour_kept import PLACES
 from .criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion
 from .figures import Figures, SetFigures
 from .methods import methods
@@ -22,6 +23,8 @@ STROKES = (
     f"Colour kept in strokes {', '.join(map(str, WIDTHS[:-1]))} and {WIDTHS[-1]} pixels wide on white, the least of "
     f"{', '.join(list(COLOURS)[:-1])} and {list(COLOURS)[-1]}"
 )
+
+KEPT = "Colour kept by luminance of the truth, both pictures blurred: 1 is all of it, 0 is grey"
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,16 @@ def stroke_table(figures: Figures, level: Protocol) -> Table:
     return Table([capital(level.text), *(f"{width} pixels" for width in WIDTHS)], rows)
 
 
+def kept_table(group: SetFigures, level: Protocol) -> Table:
+    """What each method keeps of colour by luminance: a row for each method, a column for each bin."""
+    rows = []
+    for name in group.study.methods:
+        if figure := group.figure(level, name):
+            slopes = [figure.values[f"kept_{place + 1}"] for place in range(len(PLACES))]
+            rows.append(_of_method(name, ["–" if slope is None else f"{slope:.2f}" for slope in slopes], ()))
+    return Table([capital(level.text), *PLACES], rows)
+
+
 def sensors(figures: Figures) -> str:
     """The scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
@@ -139,6 +152,8 @@ def plain_text(figures: Figures) -> str:
         if len(study.tiles) > 1 and study.ours:
             lines.append(f"Patterns under the same light, {methods()[study.ours].title}, dB")
             lines += [line for level in study.levels for line in _aligned(pattern_table(group, level))]
+        lines.append(f"{KEPT}:")
+        lines += [line for level in study.levels for line in _aligned(kept_table(group, level))]
         lines.append("")
     if figures.strokes:
         lines.append(f"{STROKES}:")

@@ -16,8 +16,10 @@ from ..figures import Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
 from ..report import (
+    KEPT,
     STROKES,
     Table,
+    kept_table,
     method_table,
     pattern_conditions,
     pattern_table,
@@ -119,7 +121,11 @@ def _verdict(group: SetFigures, number: int) -> str:
 
 
 def _noise_section(figures: Figures) -> str:
-    plots = "".join(f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}" for group in figures.sets)
+    plots = "".join(
+        f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}<p>{KEPT}.</p>"
+        + "".join(_table(kept_table(group, level)) for level in figures.study.levels)
+        for group in figures.sets
+    )
     said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."
     return f"<h2>Quality and noise</h2><p>{said}</p>{plots}"
 
