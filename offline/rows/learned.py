@@ -7,6 +7,7 @@ it; `models/README.md` says on what, and where its limits are.
 
 The files in `models/` are for RGGB. The other Bayer orders are its mirror images, and cells are symmetric, so cells are mirrored
 on the way in and out. Frames are processed in tiles of one fixed size at fixed places: threads and bands do not change a bit.
+Inside a tile the network runs where it may correct something (see `boxes`).
 """
 
 from dataclasses import dataclass, replace
@@ -16,16 +17,21 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray, mirrored
+from shared.arrays import BoolArray, FloatArray, IndexArray, mirrored
 from shared.errors import InputError
 from shared.networks import block_order, network_for
 from shared.pattern import CfaPattern
 
 from ..blocks import Sites
+from ..kernels.cells import MARGIN, STATE, correct_cells, describe, survey
 from ..kernels.pieces import in_pieces
 from ..measured import BlockSamples
-from ..parts import DARK, Look, Part, RowStage
+from ..parts import Look, Part, RowStage
 
+REACH = "panchroma.reach"
+"""The metadata of a file that says how many cells around a cell the network sees."""
+_TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
+_LEAST_SPLIT = 8  # cells along the side of a box that is not split
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
@@ -82,16 +88,27 @@ class Cells:
 
         part: all rows of the frame that the cells show. height: rows of the frame.
         """
-        width = part.luminance.shape[1]
-        down = mirrored(self._pixels(0, rows), height).clip(part.first, part.end - 1) - part.first
-        across = mirrored(self._pixels(1, columns), width)
-        place = _slices(down, across) or np.ix_(down, across)
+        place = np.ix_(*self.places(part, rows, columns, height))
         light, colour = part.luminance[place], part.chromaticity[place]
         planes = np.empty((len(self.channels), *light.shape), np.float32)
-        for plane, channel in zip(planes[:, :: self.steps[0], :: self.steps[1]], self.channels, strict=True):
+        for plane, channel in zip(planes, self.channels, strict=True):
             np.multiply(colour[..., channel], light, out=plane)
         planes *= gamma[self.channels, None, None]
         return planes
+
+    def places(self, part: Part, rows: tuple[int, int], columns: tuple[int, int], height: int) -> tuple[IndexArray, IndexArray]:
+        """Row and column in a part of the pixels of these rows and columns of cells; the frame is mirrored out."""
+        down = mirrored(self._pixels(0, rows), height).clip(part.first, part.end - 1) - part.first
+        across = mirrored(self._pixels(1, columns), part.luminance.shape[1])
+        return np.ascontiguousarray(down[:: self.steps[0]]), np.ascontiguousarray(across[:: self.steps[1]])
+
+    def own_places(
+        self, part: Part, rows: tuple[int, int], columns: tuple[int, int], wanted: tuple[int, int]
+    ) -> tuple[IndexArray, IndexArray]:
+        """As `places`, but -1 outside the frame and outside the frame's rows `wanted`."""
+        down, across = self._pixels(0, rows)[:: self.steps[0]], self._pixels(1, columns)[:: self.steps[1]]
+        inside = (across >= 0) & (across < part.luminance.shape[1])
+        return np.where((down >= wanted[0]) & (down < wanted[1]), down - part.first, -1), np.where(inside, across, -1)
 
     def blocks_of(self, values: FloatArray, rows: tuple[int, int], columns: tuple[int, int], outside: float) -> FloatArray:
         """Values of whole blocks, (rows, columns, n), at these rows and columns of cells, float32 (n, rows, columns)."""
@@ -103,14 +120,6 @@ class Cells:
 
     def _pixels(self, axis: int, span: tuple[int, int]) -> IndexArray:
         return self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
-
-
-def _slices(down: IndexArray, across: IndexArray) -> tuple[slice, slice] | None:
-    """Both as slices, if each counts up one by one: a view is then cheaper than a copy."""
-    for places in (down, across):
-        if places[-1] - places[0] != len(places) - 1 or (np.diff(places) != 1).any():
-            return None
-    return slice(int(down[0]), int(down[-1]) + 1), slice(int(across[0]), int(across[-1]) + 1)
 
 
 @dataclass(eq=False)
@@ -127,57 +136,71 @@ class Learned(RowStage):
     gamma: FloatArray
 
     name = "learned"
+    kernels = "survey", "describe", "correct_cells"
 
     @property
     def look(self) -> Look:
         """A tile, and what the network sees around it."""
         period, cells = self.samples.sites.grid.period, Cells.of(self.samples.sites)
-        return Look((self._halo + 1) * period, self._tile * period, cells.origin[0])
+        return Look((self._reach + MARGIN + 1) * period, _TILE * period, cells.origin[0])
 
     def memory(self, pixels: int, channels: int) -> float:
         """Bytes for this many pixels: the picture before and after it, the network, its runtime and the tiles that are at work."""
         return _NETWORK + _BYTES * (1 + channels) * pixels
 
     @cached_property
-    def _session(self) -> Any:
-        return _session(self.path)
-
-    @property
-    def _tile(self) -> int:
-        """Cells along the side of a tile."""
-        return int(self._session.get_outputs()[0].shape[-1]) // self.samples.sites.grid.period
-
-    @property
-    def _halo(self) -> int:
-        """Cells that the network sees around a tile."""
-        return (int(self._session.get_inputs()[1].shape[-1]) - self._tile) // 2
+    def _reach(self) -> int:
+        """Cells around a cell that the network sees."""
+        return int(_session(self.path).get_modelmeta().custom_metadata_map[REACH])
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity corrected; they end where tiles do."""
-        cells, tile, halo = Cells.of(self.samples.sites), self._tile, self._halo
-        inputs, width = Inputs(cells, part, self.samples, self.gamma), part.luminance.shape[1]
-        size = tile * cells.period
+        cells, session, reach = Cells.of(self.samples.sites), _session(self.path), self._reach
+        inputs, halo, size = Inputs(cells, part, self.samples, self.gamma), reach + MARGIN, _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
+        channels, gamma, picture = np.array(cells.channels), self.gamma[cells.channels], (part.luminance, part.chromaticity)
         chromaticity = part.chromaticity.copy()
 
-        def work(place: tuple[int, int]) -> None:
-            span = [(each * tile - halo, (each + 1) * tile + halo) for each in place]
-            top, left = (start + each * size for start, each in zip(cells.origin, place, strict=True))
-            (found,) = self._session.run(None, inputs.cut(*span))
-            share = found[0][:, :: cells.steps[0], :: cells.steps[1]].transpose(1, 2, 0)
-            down, across = slice(max(top, rows[0]), min(top + size, rows[1])), slice(max(left, 0), min(left + size, width))
-            share = share[down.start - top : down.stop - top, across.start - left : across.stop - left]
-            inside = slice(down.start - part.first, down.stop - part.first), across
-            light = part.luminance[inside]
-            # No channel gains or loses more than all light: among pixels below black the network knows no bound.
-            most = np.maximum(light, np.abs(share).max(axis=2))
-            per_light = np.divide(1, most, out=np.zeros_like(light), where=light > DARK)
-            for channel, index in enumerate(cells.channels):
-                chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self.gamma[index]))
+        def work(tile: tuple[int, int]) -> None:
+            down, across = ((each * _TILE - halo, (each + 1) * _TILE + halo) for each in tile)
+            error, variance = inputs.blocks(down, across)
+            places, own = inputs.places(down, across), cells.own_places(part, down, across, rows)
+            planes, state = (np.zeros((count, *variance.shape), np.float32) for count in (3 * cells.period**2, STATE))
+            survey(*picture, places, channels, gamma, error, variance, planes, state)
+            for top, left, height, width in boxes(state[4, halo:-halo, halo:-halo] > 0, reach):
+                place = halo + top, halo + left
+                seen = np.empty((1, len(planes) + 9, height + 2 * reach, width + 2 * reach), np.float32)
+                describe(planes, state, error, variance, (place[0] - reach, place[1] - reach), seen[0])
+                (found,) = session.run(None, {"features": seen})
+                correct_cells(found[0], planes, state, place, part.luminance, own, channels, gamma, chromaticity)
 
-        tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // tile))]
+        tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // _TILE))]
         in_pieces(lambda first, _: work(tiles[first]), len(tiles))
         return replace(part, chromaticity=chromaticity).rows(*rows)
+
+
+def boxes(wanted: BoolArray, reach: int) -> list[tuple[int, int, int, int]]:
+    """Cover what is wanted of a tile by boxes (first row and column, rows, columns) that together cost little to compute.
+
+    reach: cells around a box that are computed for its sake; the layers of a network need half of them on average.
+    """
+    down, across = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
+    if not down.size:
+        return []
+    top, left = int(down[0]), int(across[0])
+    shape = height, width = int(down[-1]) + 1 - top, int(across[-1]) + 1 - left
+    whole = [(top, left, height, width)]
+    if max(shape) <= _LEAST_SPLIT:
+        return whole
+    axis = int(width > height)
+    halves = np.array_split(wanted[top : top + height, left : left + width], 2, axis=axis)
+    moved = (0, halves[0].shape[axis])
+    parts = [
+        (top + y + (step if axis == 0 else 0), left + x + (step if axis == 1 else 0), h, w)
+        for half, step in zip(halves, moved, strict=True)
+        for y, x, h, w in boxes(half, reach)
+    ]
+    return min(whole, parts, key=lambda each: sum((h + reach) * (w + reach) for *_, h, w in each))
 
 
 class Inputs:
@@ -196,13 +219,21 @@ class Inputs:
         self._variance = np.where(samples.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
-    def cut(self, rows: tuple[int, int], columns: tuple[int, int]) -> dict[str, FloatArray]:
-        """The inputs of the network for these rows and columns of cells, which may lie outside the frame."""
-        return {
-            "picture": self._cells.picture(self._part, self._gamma, rows, columns, self._height)[None],
-            "error": self._blocks.blocks_of(self._error, rows, columns, 0.0)[None],
-            "variance": self._blocks.blocks_of(self._variance, rows, columns, UNKNOWN)[None],
-        }
+    def blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """What the sites of these rows and columns of cells miss, (4, rows, columns), and the variance of the noise in it.
+
+        Cells may lie outside the frame.
+        """
+        error = self._blocks.blocks_of(self._error, rows, columns, 0.0)
+        return error, self._blocks.blocks_of(self._variance, rows, columns, UNKNOWN)[0]
+
+    def places(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[IndexArray, IndexArray]:
+        """See `Cells.places`."""
+        return self._cells.places(self._part, rows, columns, self._height)
+
+    def picture(self, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
+        """See `Cells.picture`."""
+        return self._cells.picture(self._part, self._gamma, rows, columns, self._height)
 
 
 def network_name(pattern: CfaPattern) -> str | None:

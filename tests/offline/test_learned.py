@@ -9,8 +9,9 @@ import pytest
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
 from offline.measured import BlockSamples
 from offline.parts import Part
+from offline.rows import learned as module
 from offline.rows.correction import Missed
-from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, _session
+from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, _session, boxes
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
@@ -95,12 +96,13 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     part = replace(part, missed=Missed(sites, ONES)(black, (0, shape[0])).missed)
     cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
-    cut = Inputs(cells, part, sites, ONES).cut(*whole)
-    picture = cut["picture"][0].reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
+    inputs = Inputs(cells, part, sites, ONES)
+    picture, (error, variance) = inputs.picture(*whole), inputs.blocks(*whole)
+    picture = picture.reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
     for number, (channel, row, column) in enumerate([(0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)]):
-        known = cut["variance"][0, 0] < UNKNOWN
+        known = variance < UNKNOWN
         assert known.sum() == sites.unclipped.size
-        assert_close(cut["error"][0, number][known], picture[channel, :, :, row, column][known], 1e-6)
+        assert_close(error[number][known], picture[channel, :, :, row, column][known], 1e-6)
 
 
 def test_the_whole_picture_does_not_depend_on_bands_or_threads() -> None:
@@ -181,12 +183,33 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
 @pytest.mark.parametrize("light", [0.0, 0.3, -0.01])
 def test_where_nothing_changes_nothing_is_corrected(period: int, light: float) -> None:
     """Flat to the last bit: there is no activity, and no division by it."""
-    session = _session(NETWORKS / f"rggb-k{period}.onnx")
-    (found,) = session.run(
-        None,
-        {each.name: np.full(each.shape, light if each.name == "picture" else 0, np.float32) for each in session.get_inputs()},
-    )
-    assert_close(found, np.zeros(found.shape), 1e-6)
+    rgb, pattern = np.full((90, 96, 3), light, np.float32), CfaPattern.bayer(period)
+    part, sites = measured(np.ones_like(rgb), pattern)
+    flat = replace(part, luminance=np.full_like(part.luminance, light), missed=np.zeros_like(part.luminance))
+    assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, part.chromaticity, 1e-6)
+
+
+def test_the_network_runs_only_where_it_corrects_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    rgb = np.full((330, 340, 3), 0.3, np.float32)
+    rgb[100:150, 90:100] = rgb[290:300, 200:330] = 0.9, 0.1, 0.2
+    pattern = CfaPattern.bayer(6, "GRBG", origin=(1, 4))
+    part, sites = measured(rgb, pattern, 0.01)
+    found = learned(pattern, sites)(part, (0, 330)).chromaticity
+    monkeypatch.setattr(module, "boxes", lambda wanted, reach: [(0, 0, *wanted.shape)])
+    assert_close(learned(pattern, sites)(part, (0, 330)).chromaticity, found, 1e-6)
+
+
+def test_boxes_cover_what_is_wanted() -> None:
+    random = np.random.default_rng(0)
+    for density in (0.0, 0.002, 0.02, 0.5):
+        wanted = random.random((48, 48)) < density
+        covered, area = np.zeros_like(wanted), 0
+        for top, left, height, width in boxes(wanted, 5):
+            covered[top : top + height, left : left + width] = True
+            area += height * width
+        assert covered[wanted].all()
+        assert area == covered.sum()  # nothing twice
+        assert area <= (0 if density == 0 else 48 * 48 * min(1, 60 * density))
 
 
 def test_no_channel_gains_or_loses_more_than_all_light() -> None:

@@ -60,13 +60,13 @@ def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
     cells = Cells.of(measured.samples.sites)
     inputs = Inputs(cells, corrected, measured.samples, gamma)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
-    cut = inputs.cut(rows, columns)
+    error, variance = inputs.blocks(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
     return Example(
-        cut["picture"][0].astype(_KIND),
+        inputs.picture(rows, columns).astype(_KIND),
         cells.picture(truth, gamma, rows, columns, mosaic.shape[0]).astype(_KIND),
-        cut["error"][0].astype(_KIND),
-        np.minimum(cut["variance"][0], np.float32(UNKNOWN)),
+        error.astype(_KIND),
+        np.minimum(variance[None], np.float32(UNKNOWN)),
     )
 
 

@@ -82,7 +82,8 @@ def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
     path = folder / f"{ORDER.lower()}-k{plan.period}.onnx"
-    save_graph(network, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
+    weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
+    save_graph(weights, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
     return path
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.rows.learned import _session
+from offline.kernels.cells import GATE, STATE, describe, survey
+from offline.rows.learned import REACH, _session
 from shared.errors import InputError
 from shared.progress import SILENT
 from tests.data import ROOT
@@ -16,11 +17,10 @@ from tools.pictures.samples import quantise
 from tools.scenes.load import load_scene
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'panchroma[training]'")
-pytest.importorskip("onnxscript", reason="onnxscript is not installed: pip install 'panchroma[training]'")
 
 from tools.training import run  # noqa: E402
-from tools.training.graph import TILE, Corrector, save_graph  # noqa: E402
-from tools.training.network import HALO, Network  # noqa: E402
+from tools.training.graph import save_graph  # noqa: E402
+from tools.training.network import BLOCKS, Network, cells_of, features  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -80,45 +80,44 @@ def test_another_training_does_not_go_on_in_the_same_folder(photographs: tuple[s
         run.train(small(photographs, 2), tmp_path, 1, SILENT, lambda _: None)
 
 
-def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
-    import onnxruntime
-
+def random_network(period: int) -> Network:
     torch.manual_seed(1)
-    network = Network(4)
+    network = Network(period)
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.03)
-    path = tmp_path / "rggb-k4.onnx"
-    save_graph(network, path, {"fact": "one"})
-    side, random = TILE + 2 * HALO, np.random.default_rng(0)
-    inputs = {
-        "picture": random.uniform(0, 1, (1, 3, side * 4, side * 4)).astype(np.float32),
-        "error": random.normal(0, 0.05, (1, 4, side, side)).astype(np.float32),
-        "variance": np.full((1, 1, side, side), 1e-5, np.float32),
-    }
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    (found,) = session.run(None, inputs)
+    return network
+
+
+def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
+    network, path = random_network(4), tmp_path / "rggb-k4.onnx"
+    save_graph({name: weight.numpy() for name, weight in network.state_dict().items()}, path, {"fact": "one"})
+    inputs = np.random.default_rng(0).normal(0, 1, (1, 57, 20, 17)).astype(np.float32)
+    (found,) = _session(path).run(None, {"features": inputs})
     with torch.no_grad():
-        expected = Corrector(network)(*(torch.from_numpy(each) for each in inputs.values())).numpy()
-    assert found.shape == (1, 3, TILE * 4, TILE * 4)
+        expected = network(torch.from_numpy(inputs)).numpy()
+    assert found.shape == expected.shape
     assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()  # weights of 16 bits
-    assert np.abs(found.sum(axis=1)).max() < 1e-5  # luminance stays
-    assert session.get_modelmeta().custom_metadata_map == {"fact": "one"}
+    assert _session(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
 
 
-def test_the_file_corrects_nothing_where_nothing_is(tmp_path: Path) -> None:
-    """The exporter must not drop what keeps activity from being 0."""
-    import onnxruntime
-
-    network = Network(4)
-    torch.nn.init.normal_(network.leave.bias)
-    save_graph(network, tmp_path / "rggb-k4.onnx", {})
-    session = onnxruntime.InferenceSession(tmp_path / "rggb-k4.onnx", providers=["CPUExecutionProvider"])
-    for light in (0.0, 0.3):
-        inputs = {
-            each.name: np.full(each.shape, light if each.name == "picture" else 0, np.float32) for each in session.get_inputs()
-        }
-        (found,) = session.run(None, inputs)
-        assert np.abs(found).max() < 1e-5
+def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
+    """Features and bounds of a picture in both forms, which differ in what they take for noise."""
+    random, period, (down, across) = np.random.default_rng(0), 4, (14, 11)
+    light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
+    colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
+    error = random.normal(0, 0.05, (4, down, across)).astype(np.float32)
+    variance = random.uniform(0, 1e-2, (down, across)).astype(np.float32)
+    planes, state = np.zeros((3 * period**2, down, across), np.float32), np.zeros((STATE, down, across), np.float32)
+    places = np.arange(light.shape[0]), np.arange(light.shape[1])
+    survey(light, colour, places, np.arange(3), np.ones(3, np.float32), error, variance, planes, state)
+    found = np.zeros((1, 3 * period**2 + 9, down - 4, across - 4), np.float32)
+    describe(planes, state, error, variance, (2, 2), found[0])
+    picture = torch.from_numpy(np.ascontiguousarray((colour * light[..., None]).transpose(2, 0, 1)[None]))
+    given = torch.from_numpy(error[None]), torch.from_numpy(variance[None, None])
+    expected, bound = features(*cells_of(picture, period), *given, gate=GATE)
+    assert np.abs(found - expected.numpy()).max() < 1e-4
+    assert np.abs(state[4, 2:-2, 2:-2] - bound[0, 0].numpy()).max() < 1e-5
+    assert 0 < (bound == 0).float().mean() < 1
 
 
 def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...], tmp_path: Path) -> None:
