@@ -15,7 +15,7 @@ from shared.pattern import PERIODS, CfaPattern
 
 _SIDE = range(16, 65)  # pixels: side of a tile; four blocks of the largest period fit into the largest
 _TILES = 64  # enough for a frame of any size, and folded in a tenth of a second
-_REACH = 8  # pixels: local means are those of 17 x 17
+_WINDOW = 17  # pixels, along the squares of local means
 _FLAT = 0.25  # codes: differences below this are rounding
 _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
 _CERTAIN = 6.0  # standard errors
@@ -55,19 +55,28 @@ class Tiles:
     places: NDArray[np.intp]
 
     @classmethod
-    def of(cls, codes: CodeArray) -> "Tiles":
-        """Cut tiles out of a frame (H, W)."""
-        side = min(max(min(codes.shape) // 3, _SIDE[0]), _SIDE[-1], *codes.shape)
-        share = min(1.0, (_TILES * side**2 / codes.size) ** 0.5)
+    def of(cls, codes: CodeArray, side: int = 0, most: int = _TILES) -> "Tiles":
+        """Cut at most about that many tiles out of a frame (H, W). side: of a tile, pixels; 0 = one that suits the frame."""
+        side = side or min(max(min(codes.shape) // 3, _SIDE[0]), _SIDE[-1], *codes.shape)
+        share = min(1.0, (most * side**2 / codes.size) ** 0.5)
         tops, lefts = (np.linspace(0, size - side, max(int(size // side * share), 1)).astype(np.intp) for size in codes.shape)
         places = np.array([(top, left) for top in tops for left in lefts])
         return cls(np.stack([codes[top : top + side, left : left + side] for top, left in places]).astype(np.float32), places)
 
-    def flattened(self) -> "Tiles":
-        """The samples minus their local mean, in local mean deviations, limited: every part of the scene counts the same."""
-        rest = self.parts - _local_mean(self.parts)
-        rest /= _local_mean(np.abs(rest)) + np.float32(_FLAT)
+    def flattened(self, window: int = _WINDOW) -> "Tiles":
+        """The samples minus their local mean, in local mean deviations, limited: every part of the scene counts the same.
+
+        window: pixels along the squares of local means.
+        """
+        rest = self.parts - _local_mean(self.parts, window)
+        rest /= _local_mean(np.abs(rest), window) + np.float32(_FLAT)
         return Tiles(rest.clip(-_LIMIT, _LIMIT), self.places)
+
+    def quarter(self, down: int, right: int) -> "Tiles":
+        """The upper (0) or lower (1), left or right quarter of each."""
+        half = self.parts.shape[1] // 2
+        top, left = down * half, right * half
+        return Tiles(self.parts[:, top : top + half, left : left + half], self.places + np.array((top, left)))
 
     def folded(self, period: int) -> DoubleArray:
         """Mean of the samples of each tile at each place of a K x K square, minus the mean of all places: (N, K, K)."""
@@ -167,11 +176,12 @@ def _centred(means: DoubleArray) -> DoubleArray:
     return centred
 
 
-def _local_mean(parts: FloatArray) -> FloatArray:
-    reach = min(_REACH, parts.shape[1] - 2)
-    wide = np.pad(parts, ((0, 0), (reach + 1, reach), (reach + 1, reach)), "reflect")
+def _local_mean(parts: FloatArray, window: int) -> FloatArray:
+    before = min(window // 2, parts.shape[1] - 2)
+    after = before - 1 + window % 2
+    wide = np.pad(parts, ((0, 0), (before + 1, after), (before + 1, after)), "reflect")
     sums = wide.cumsum(axis=1, dtype=np.float64).cumsum(axis=2)
-    size = 2 * reach + 1
+    size = before + after + 1
     box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
     mean: FloatArray = (box / size**2).astype(np.float32)
     return mean

@@ -1,0 +1,276 @@
+"""Which pattern of filters has a sensor of which nothing is known? One frame tells most of it.
+
+Samples are folded: of each square part of the frame, the mean at each place of a K x K tile. What the scene does differs from part
+to part; what the filters do is the same in all. Energies are products of means from opposite quarters of a part, which share no
+sample and hardly an edge: noise and scene add nothing to them on average.
+
+Sites with one filter read the same, whatever the colour of the scene, and others do not; panchromatic sites are the brightest.
+That gives the period, the sites that are alike, and those that are panchromatic. Which of two colours is red and which is blue a
+mosaic does not tell: a picture of something known does.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import BoolArray, CodeArray, DoubleArray
+from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
+from shared.tiles import TILES, name_of
+
+from .checks.pattern_search import Tiles
+
+DENSE = {
+    "Bayer": "RG/GB",
+    "quad Bayer": "RRGG/RRGG/GGBB/GGBB",
+    "X-Trans": "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG",
+}
+"""Name -> letters, row by row, of the usual tiles that have no panchromatic pixel."""
+UNKNOWN = "?"
+"""Letter of a colour that a frame does not tell."""
+_PERIODS = range(2, PERIODS[-1] + 1)
+_PARTS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread of fewer is unknown
+_SMALLEST = 32  # pixels along a part; and four periods, so that a quarter has two
+_WINDOW = 17  # pixels, about, of local means: whole periods
+_CERTAIN, _SHOWN = 5.0, 0.005  # standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
+# A longer period has to explain this share more, by so many standard errors: in each part, or in what all have in common. In
+# photographs scenes reach 5 and 9; filters 10 and more in one of both.
+_SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
+_GAP = 0.2  # of the range of all sites, between panchromatic ones and others
+_SURE = 4.0  # standard errors by which the colours of a tile without panchromatic sites have to differ
+_BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
+_APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
+_COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
+_MORE_COLOURS = "CDEFHIJK"
+
+Letters = NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a frame shows of the filters over its sensor.
+
+    tile: K strings of K letters, from the first pixel of the frame on: W is panchromatic, "?" a colour that the frame does not
+        tell. Exchanging two colours with as many sites would fit as well.
+    name: the tile's, in `shared.tiles`, or one of DENSE; "" if it has none.
+    certainty: of the period, in standard errors.
+    separation: how many times more any two colours differ than sites of one colour do; 0 = the frame shows no difference.
+    light: mean of each site minus what is around it, in mean local deviations, (K, K).
+    """
+
+    tile: tuple[str, ...]
+    name: str
+    certainty: float
+    separation: float
+    light: DoubleArray
+
+    @property
+    def period(self) -> int:
+        """K, 2 to 16."""
+        return len(self.tile)
+
+    @property
+    def pattern(self) -> CfaPattern | None:
+        """The pattern of a tile with a name and panchromatic pixels; None for others, which somebody has to look at."""
+        letters = "/".join(self.tile)
+        return CfaPattern.of_letters(letters) if self.name not in ("", *DENSE) and UNKNOWN not in letters else None
+
+
+def identify(codes: CodeArray) -> Identity | None:
+    """Find the filters of the sensor that took a frame; None if the frame shows no pattern.
+
+    codes: (H, W), whatever their black and white level.
+
+    >>> import numpy as np
+    >>> from device.capture import identify
+    >>> identify(np.full((300, 400), 512, np.uint16)) is None
+    True
+    """
+    folds = _Folds(codes)
+    found = _period(folds)
+    if found is None:
+        return None
+    period, certainty = found
+    quarters = folds.quarters(period)
+    light = quarters.mean(axis=(0, 1)).reshape(period, period)
+    if np.diff(np.sort(light, axis=None)).max() < _GAP * np.ptp(light):
+        return None
+    name, letters, separation = _named(folds, light) or ("", *_kinds(quarters, light))
+    times = len(letters) // period
+    return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
+
+
+class _Folds:
+    """A frame in parts of the size that a period needs, folded with it."""
+
+    def __init__(self, codes: CodeArray) -> None:
+        self.periods = [each for each in _PERIODS if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW]
+        self._flat = cache(lambda side, window: Tiles.of(codes, side, _PARTS).flattened(window))
+
+    def quarters(self, period: int, large: int = 0) -> DoubleArray:
+        """Means of each part's four quarters at each place of a tile, less the mean of all places: (parts, 4, K K).
+
+        large: the parts are as large as this period needs; 0 = as this one.
+        """
+        large = large or period
+        flat = self._flat(self._side(large), large * max(round(_WINDOW / large), 1))
+        folded = [flat.quarter(*place).folded(period) for place in product((0, 1), repeat=2)]
+        return np.stack(folded, axis=1).reshape(len(folded[0]), 4, period**2)
+
+    @staticmethod
+    def _side(period: int) -> int:
+        return max(_SMALLEST, 4 * period)
+
+
+def _period(folds: _Folds) -> tuple[int, float] | None:
+    """The smallest period that explains what any does, and its certainty in standard errors; None if none is certain."""
+    energies = {each: _common(folds.quarters(each)) for each in folds.periods}
+    sure = [each for each, energy in energies.items() if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN]
+    if not sure:
+        return None
+    likely = max(sure, key=lambda each: float(energies[each].mean()))
+    found = min(each for each in energies if likely % each == 0 and not _explains_more(folds, likely, each))
+    longer = (each for each in energies if each > found and each % found == 0)
+    found = next((each for each in longer if _explains_more(folds, each, found)), found)
+    return (found, _errors(energies[found])) if found in sure else None
+
+
+def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
+    more, less = folds.quarters(longer), folds.quarters(shorter, large=longer)
+    for energy, least in ((_energy, _MORE), (_common, _COMMON)):
+        gain = energy(more) - energy(less)
+        if _errors(gain) > least and float(gain.mean()) > _SHARE * float(energy(more).mean()):
+            return True
+    return False
+
+
+def _named(folds: _Folds, light: DoubleArray) -> tuple[str, Letters, float] | None:
+    """Name, letters (K, K) and separation of the tile with a name that fits best; None if none does.
+
+    Its period may be a multiple of the one that was found: where half of all sites are panchromatic, that is most that shows.
+    """
+    period = len(light)
+    likely: dict[str, Letters] = {}
+    for side in (each for each in folds.periods if each % period == 0):
+        repeated = np.tile(light, (side // period, side // period))
+        fitting = [each for each in _known(side, repeated) if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))]
+        if found := _best(folds.quarters(side), fitting, sure=side > period):
+            return found
+        likely |= dict(fitting)
+    dense = [each for each in _known(period, light) if PANCHROMATIC not in each[1]]
+    if found := _best(folds.quarters(period), dense, sure=True):
+        return found
+    if len(likely) != 1:
+        return None
+    ((name, tile),) = likely.items()
+    return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN), 0.0
+
+
+def _best(quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool) -> tuple[str, Letters, float] | None:
+    """The tile whose sites of a colour read most alike, and its separation; None if another one may be it as well.
+
+    tiles: names and letters; of two in which the same sites are alike the first counts.
+    sure: all colours have to differ for certain.
+    """
+    kinds = {(tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)}
+    spreads = {key: _spread(quarters, tile.ravel()) for key, (_, tile) in kinds.items()}
+    best = min(spreads, key=lambda each: float(spreads[each].mean()), default=b"")
+    if not spreads or any(_errors(spreads[other] - spreads[best]) < _BETTER for other in spreads if other != best):
+        return None
+    name, tile = kinds[best]
+    separation = _separation(quarters, tile.ravel(), sure)
+    return (name, tile, separation) if separation > _APART else None
+
+
+def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
+    """Name and letters of the tiles with this period, wherever they begin; those whose green is brightest come first."""
+    known = [(name, letters.split("/")) for name, letters in (TILES | DENSE).items() if name != "paper"]
+    if period in PERIODS:
+        blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
+        known += [(name_of(blocks[0]), [*tile]) for tile in blocks]
+    tiles = [(name, np.array([[*row] for row in rows])) for name, rows in known]
+    begun = [(name, np.roll(tile, step, (0, 1))) for name, tile in tiles if len(tile) == period for step in np.ndindex(tile.shape)]
+    yield from sorted(begun, key=lambda each: -float(light[each[1] == "G"].mean()))
+
+
+def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
+    """Letters (K, K) of a tile without a name, and their separation: the most kinds of colours that are apart."""
+    bright, level = _bright(light).ravel(), light.ravel()
+    letters = np.where(bright, PANCHROMATIC, UNKNOWN)
+    best, separation = letters, 0.0
+    # Sites are joined, those that differ least first; what is joined differs by the mean over pairs of its sites.
+    groups = [[site] for site in np.flatnonzero(~bright).tolist()]
+    apart = _differences(quarters)
+    while len(groups) > 1:
+        if len(groups) <= len(_MORE_COLOURS) and len(groups) < np.count_nonzero(~bright):
+            kinds = letters.copy()
+            names = _COLOURS if len(groups) == len(_COLOURS) else _MORE_COLOURS
+            for letter, group in zip(names, sorted(groups, key=lambda group: (-len(group), -level[group].mean())), strict=False):
+                kinds[group] = letter
+            if (found := _separation(quarters, kinds)) > max(separation, _APART):
+                best, separation = kinds, found
+        means = {pair: apart[np.ix_(groups[pair[0]], groups[pair[1]])].mean() for pair in combinations(range(len(groups)), 2)}
+        first, second = min(means, key=lambda pair: float(means[pair]))
+        groups[first] += groups.pop(second)
+    return best.reshape(light.shape), separation
+
+
+def _separation(quarters: DoubleArray, letters: Letters, sure: bool = True) -> float:
+    """By how many times more the two colours that are most alike differ than sites of one colour do.
+
+    sure: 0 unless that is certain.
+    """
+    kinds = [quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)]
+    apart = min((_energy(first - second) for first, second in combinations(kinds, 2)), key=lambda each: float(each.mean()))
+    if sure and _errors(apart) < _SURE:
+        return 0.0
+    return float(apart.mean()) / max(2 * float(_spread(quarters, letters).mean()), 1e-6)
+
+
+def _spread(quarters: DoubleArray, letters: Letters) -> DoubleArray:
+    """Variance of the sites of a colour about their mean, in each part, (parts,)."""
+    kinds = [quarters[..., letters == letter] for letter in _colours(letters)]
+    energies = sum(_energy(kind - kind.mean(axis=2, keepdims=True)) * kind.shape[2] for kind in kinds)
+    return np.asarray(energies / max(sum(kind.shape[2] - 1 for kind in kinds), 1))
+
+
+def _colours(letters: Letters) -> list[str]:
+    return sorted({*letters.tolist()} - {PANCHROMATIC})
+
+
+def _bright(light: DoubleArray) -> BoolArray:
+    """The sites above the widest gap between the levels of sites."""
+    levels = np.sort(light, axis=None)
+    brightest: BoolArray = light > levels[np.diff(levels).argmax()]
+    return brightest
+
+
+def _differences(quarters: DoubleArray) -> DoubleArray:
+    """Energy of the difference of any two sites, (K K, K K)."""
+    products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (2 * len(quarters))
+    own = np.diag(products)
+    energy: DoubleArray = own[:, None] + own - products - products.T
+    return energy
+
+
+def _common(quarters: DoubleArray) -> DoubleArray:
+    """Energy that each part has in common with all others, (parts,)."""
+    means = quarters.mean(axis=1)
+    others = (means.sum(axis=0) - means) / (len(means) - 1)
+    energy: DoubleArray = (means * others).mean(axis=1)
+    return energy
+
+
+def _energy(quarters: DoubleArray) -> DoubleArray:
+    """Energy of each part without that of noise, (parts,): products of opposite quarters."""
+    energy: DoubleArray = (quarters[:, 0] * quarters[:, 3] + quarters[:, 1] * quarters[:, 2]).mean(axis=1) / 2
+    return energy
+
+
+def _errors(energies: DoubleArray) -> float:
+    """Mean of some energies in standard errors."""
+    error = float(energies.std(ddof=1)) / len(energies) ** 0.5
+    return float(energies.mean()) / error if error else 0.0
