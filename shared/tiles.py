@@ -39,11 +39,21 @@ def name_of(tile: tuple[str, ...]) -> str:
     >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")), name_of(("RGW", "GWW", "WWB"))
     ('Kodak', 'K=4', '')
     """
+    return place_of(tile)[0]
+
+
+def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
+    """Name of a tile, and the (row, column) in it at which the letters of that name begin; "" and (0, 0) if it has none.
+
+    >>> from shared.tiles import place_of
+    >>> place_of(("GWRW", "WBWG", "BWGW", "WGWR"))
+    ('Kodak', (1, 0))
+    """
     period = len(tile)
     known = TILES | {f"K={period}": letters_of(f"K={period}") or ""}
-    begun = [
-        "/".join(row[right:] + row[:right] for row in (*tile[down:], *tile[:down]))
-        for down in range(period)
-        for right in range(period)
-    ]
-    return next((name for name, letters in known.items() if letters in begun), "")
+    begun = {
+        "/".join(row[right:] + row[:right] for row in (*tile[down:], *tile[:down])): (down, right)
+        for down in reversed(range(period))
+        for right in reversed(range(period))
+    }
+    return next(((name, begun[letters]) for name, letters in known.items() if letters in begun), ("", (0, 0)))

@@ -26,6 +26,7 @@ VERBS = {
     "demo": "run the whole chain on a built-in scene, and compare it with a Bayer camera",
     "simulate": "photograph a scene (camera RAW or picture) with a simulated camera",
     "inspect": "show what is in a shot; check whole archives for damage",
+    "identify": "find out which pattern of filters the sensor has that took a raw frame",
     "capture": "save a camera's frames as shots, each with its preview",
     "view": "show a camera's live picture on a web page, with a button that saves a shot",
     "preview": "make the camera's own preview of shots",

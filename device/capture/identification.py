@@ -1,12 +1,12 @@
-"""Which pattern of filters has a sensor of which nothing is known? One frame tells most of it.
+"""Finding the filters of a sensor that nobody described, from one frame.
 
-Samples are folded: of each square part of the frame, the mean at each place of a K x K tile. What the scene does differs from part
-to part; what the filters do is the same in all. Energies are products of means from opposite quarters of a part, which share no
-sample and hardly an edge: noise and scene add nothing to them on average.
+The frame is cut into square parts, and each part is folded: the mean is taken at each place of a K x K tile. What the scene does
+differs from part to part; what the filters do is the same in all. Energies are products of means from opposite quarters of a part,
+which share no sample and hardly an edge: on average noise and scene add nothing to them.
 
-Sites with one filter read the same, whatever the colour of the scene, and others do not; panchromatic sites are the brightest.
-That gives the period, the sites that are alike, and those that are panchromatic. Which of two colours is red and which is blue a
-mosaic does not tell: a picture of something known does.
+The smallest period that explains what any period does is that of the filters. Panchromatic sites are the brightest. Sites of one
+colour read the same, whatever the colour of the scene; sites of different colours do not. Which of two colours is red and which is
+blue a mosaic does not tell: a picture of something known does.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shared.arrays import BoolArray, CodeArray, DoubleArray
 from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
-from shared.tiles import TILES, name_of
+from shared.tiles import TILES, name_of, place_of
 
 from .checks.pattern_search import Tiles
 
@@ -41,6 +41,7 @@ _CERTAIN, _SHOWN = 5.0, 0.005  # standard errors, for one period among fifteen; 
 _SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
 _GAP = 0.2  # of the range of all sites, between panchromatic ones and others
 _SURE = 4.0  # standard errors by which the colours of a tile without panchromatic sites have to differ
+_DOUBT = 1.0  # standard errors from which on sites may have different colours
 _BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
 _APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
 _COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
@@ -53,12 +54,14 @@ Letters = NDArray[np.str_]
 class Identity:
     """What a frame shows of the filters over its sensor.
 
-    tile: K strings of K letters, from the first pixel of the frame on: W is panchromatic, "?" a colour that the frame does not
-        tell. Exchanging two colours with as many sites would fit as well.
-    name: the tile's, in `shared.tiles`, or one of DENSE; "" if it has none.
-    certainty: of the period, in standard errors.
-    separation: how many times more any two colours differ than sites of one colour do; 0 = the frame shows no difference.
-    light: mean of each site minus what is around it, in mean local deviations, (K, K).
+    tile: K strings of K letters, from the first pixel of the frame on. W is panchromatic, "?" a colour that the frame does not
+        tell. If two colours have equally many sites, the tile with both exchanged would fit as well. Without a name the
+        letters only say which sites are alike.
+    name: the tile's in `shared.tiles`, or one of DENSE; "" if it has none.
+    certainty: energy of what repeats with the period, in standard errors; more than 5.
+    separation: energy by which the two colours that are most alike differ, divided by that by which sites of one colour do; more
+        than 3, or 0 where the frame does not tell colours.
+    light: mean of each site minus what is around it, in mean local deviations, float64 (K, K).
     """
 
     tile: tuple[str, ...]
@@ -74,15 +77,22 @@ class Identity:
 
     @property
     def pattern(self) -> CfaPattern | None:
-        """The pattern of a tile with a name and panchromatic pixels; None for others, which somebody has to look at."""
+        """The pattern, if all its letters are known and the tile has a name and panchromatic pixels; otherwise None."""
         letters = "/".join(self.tile)
-        return CfaPattern.of_letters(letters) if self.name not in ("", *DENSE) and UNKNOWN not in letters else None
+        if self.name in ("", *DENSE) or UNKNOWN in letters:
+            return None
+        name, origin = place_of(self.tile)
+        return CfaPattern.of_letters(name or letters, origin)
 
 
 def identify(codes: CodeArray) -> Identity | None:
     """Find the filters of the sensor that took a frame; None if the frame shows no pattern.
 
-    codes: (H, W), whatever their black and white level.
+    codes: (H, W), of any size and with any black and white level. Colours show in a scene that has several; the larger the period,
+        the larger the frame has to be.
+
+    The brightest sites are taken for panchromatic unless the tile is one of DENSE. Of tiles whose panchromatic sites cannot be told
+    apart the colours decide; where they do not, they are "?".
 
     >>> import numpy as np
     >>> from device.capture import identify
@@ -104,7 +114,10 @@ def identify(codes: CodeArray) -> Identity | None:
 
 
 class _Folds:
-    """A frame in parts of the size that a period needs, folded with it."""
+    """A frame, cut into parts of the size that a period needs, and folded with it.
+
+    periods: those for which the frame has enough parts.
+    """
 
     def __init__(self, codes: CodeArray) -> None:
         self.periods = [each for each in _PERIODS if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW]
@@ -139,6 +152,7 @@ def _period(folds: _Folds) -> tuple[int, float] | None:
 
 
 def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
+    """Whether a period certainly explains something that one of its divisors does not, in the same parts."""
     more, less = folds.quarters(longer), folds.quarters(shorter, large=longer)
     for energy, least in ((_energy, _MORE), (_common, _COMMON)):
         gain = energy(more) - energy(less)
@@ -150,7 +164,7 @@ def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
 def _named(folds: _Folds, light: DoubleArray) -> tuple[str, Letters, float] | None:
     """Name, letters (K, K) and separation of the tile with a name that fits best; None if none does.
 
-    Its period may be a multiple of the one that was found: where half of all sites are panchromatic, that is most that shows.
+    Its period may be a multiple of the one that was found: in a checkerboard of panchromatic sites little else may show.
     """
     period = len(light)
     likely: dict[str, Letters] = {}
@@ -197,28 +211,33 @@ def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
 
 
 def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
-    """Letters (K, K) of a tile without a name, and their separation: the most kinds of colours that are apart."""
+    """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as are certainly apart.
+
+    Sites are joined, those that differ least first, until any two kinds differ more than panchromatic sites do. Where that is in
+    doubt, all colours stay open.
+    """
     bright, level = _bright(light).ravel(), light.ravel()
     letters = np.where(bright, PANCHROMATIC, UNKNOWN)
-    best, separation = letters, 0.0
-    # Sites are joined, those that differ least first; what is joined differs by the mean over pairs of its sites.
+    usual = max(2 * float(_spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC)).mean()), 1e-6)
     groups = [[site] for site in np.flatnonzero(~bright).tolist()]
     apart = _differences(quarters)
     while len(groups) > 1:
-        if len(groups) <= len(_MORE_COLOURS) and len(groups) < np.count_nonzero(~bright):
-            kinds = letters.copy()
-            names = _COLOURS if len(groups) == len(_COLOURS) else _MORE_COLOURS
-            for letter, group in zip(names, sorted(groups, key=lambda group: (-len(group), -level[group].mean())), strict=False):
-                kinds[group] = letter
-            if (found := _separation(quarters, kinds)) > max(separation, _APART):
-                best, separation = kinds, found
         means = {pair: apart[np.ix_(groups[pair[0]], groups[pair[1]])].mean() for pair in combinations(range(len(groups)), 2)}
         first, second = min(means, key=lambda pair: float(means[pair]))
+        nearest = _energy(np.stack([quarters[..., groups[each]].mean(axis=2) for each in (first, second)], axis=2).dot([[1], [-1]]))
+        separation = float(nearest.mean()) / usual
+        if separation > 1 and _errors(nearest) > _DOUBT:
+            if len(groups) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
+                break
+            names = _COLOURS if len(groups) == len(_COLOURS) else _MORE_COLOURS
+            for letter, group in zip(names, sorted(groups, key=lambda group: (-len(group), -level[group].mean())), strict=False):
+                letters[group] = letter
+            return letters.reshape(light.shape), separation
         groups[first] += groups.pop(second)
-    return best.reshape(light.shape), separation
+    return letters.reshape(light.shape), 0.0
 
 
-def _separation(quarters: DoubleArray, letters: Letters, sure: bool = True) -> float:
+def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
     """By how many times more the two colours that are most alike differ than sites of one colour do.
 
     sure: 0 unless that is certain.
@@ -257,7 +276,7 @@ def _differences(quarters: DoubleArray) -> DoubleArray:
 
 
 def _common(quarters: DoubleArray) -> DoubleArray:
-    """Energy that each part has in common with all others, (parts,)."""
+    """Energy that each part has in common with the mean of all others, (parts,)."""
     means = quarters.mean(axis=1)
     others = (means.sum(axis=0) - means) / (len(means) - 1)
     energy: DoubleArray = (means * others).mean(axis=1)

@@ -22,7 +22,9 @@ from shared.errors import InputError
 from tools.camera.built_in import built_in_sensor, moving_scene, usual_gamma
 
 PIXEL_FORMATS = tuple(FORMATS)
-_STREAM, _BUILTIN = "-", "builtin:"
+STREAM = "-"
+"""Source of frames on standard input."""
+_BUILTIN = "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
 _LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
 _MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
@@ -94,7 +96,7 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
 
     Raises InputError if there is no such source, or if a part of its description does not go with it.
     """
-    if given.source == _STREAM or given.source.startswith(_BUILTIN):
+    if given.source == STREAM or given.source.startswith(_BUILTIN):
         given.refuse(["new"], "only a folder can already contain frames")
     if given.source.startswith(_BUILTIN):
         given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
@@ -102,7 +104,7 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
     if given.unchecked:
         given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
     folder = Path(given.source)
-    if given.source != _STREAM and not folder.is_dir():
+    if given.source != STREAM and not folder.is_dir():
         raise InputError(f"{given.source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
     sensor, notes = _described(given, camera, pattern)
 
@@ -110,19 +112,19 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
         return watch_folder(folder, sensor.layout, refused, only_new=given.new, stopped=stopped)
 
     def piped(*_: object) -> Iterator[RawFrame]:
-        return read_frames(_standard_input(), sensor.layout)
+        return read_frames(standard_input(), sensor.layout)
 
     opened: Callable[[Stopped, Refused], Iterator[RawFrame]] = watched
     waits = True
-    if given.source == _STREAM:
-        length = _recording()
+    if given.source == STREAM:
+        length = recording()
         if length is not None and not given.unchecked:
             sensor.layout.check_recording(length)
         opened, waits = piped, length is not None
     return FrameSource(sensor, opened, waits, notes, checks=not given.unchecked, covered=given.covered)
 
 
-def _recording() -> int | None:
+def recording() -> int | None:
     """Bytes of the recording on standard input; None for a pipe, which may come from a sensor that does not wait."""
     if sys.stdin is None or sys.stdin.isatty():
         raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
@@ -130,7 +132,7 @@ def _recording() -> int | None:
     return status.st_size if stat.S_ISREG(status.st_mode) else None
 
 
-def _standard_input() -> FileIO:
+def standard_input() -> FileIO:
     """Standard input without a buffer: a buffered reader that is interrupted in a read would keep the interpreter from ending."""
     descriptor = sys.stdin.fileno()
     with suppress(OSError, AttributeError):  # no pipe; the user has too many; not Linux
@@ -139,8 +141,8 @@ def _standard_input() -> FileIO:
     return open(descriptor, "rb", buffering=0, closefd=False)
 
 
-def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
-    """Return the sensor that is described, and notes."""
+def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
+    """The layout of the frames that is described, and the bits of a sample. Raises InputError that names what is missing."""
     width, height, pixel_format = given.width, given.height, given.pixel_format
     if width is None or height is None or pixel_format is None:
         missing = [f"`{name}`" for name in ("width", "height", "pixel_format") if getattr(given, name) is None]
@@ -149,7 +151,12 @@ def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern)
             "rpicam-raw prints these values when it starts"
         )
     name, bits = format_named(pixel_format)
-    layout = FrameLayout(width, height, name, given.stride)
+    return FrameLayout(width, height, name, given.stride), bits
+
+
+def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
+    """Return the sensor that is described, and notes."""
+    layout, bits = layout_of(given)
     if camera:
         for said in ("sensor_bits", "black"):
             if getattr(given, said) is not None:

@@ -4,8 +4,8 @@ This follows L. Shi and B. Funt's re-processing of Gehler's colour-checker data 
 is compared with measured values at every pixel.
 """
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata
-from shared.arrays import FloatArray
+from shared.arrays import CodeArray, FloatArray
 from shared.colorimetry import D65_XY, Matrix
 from shared.dng import metadata_from
 from shared.dng.exif_reading import printable
@@ -67,28 +67,47 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     return run_limited(path, NEEDED, _read, path, name, max_pixels)
 
 
-def _read(path: Path, name: str, max_pixels: int) -> Scene:
-    with guarded(path):
-        return _scene(path, name, max_pixels)
+def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
+    """Read the samples of the visible area of any RAW with one sample per pixel, whatever its filters: uint16 (H, W).
+
+    path: the file.
+    max_pixels: larger files are refused.
+    Raises InputError, with the reason, for files without such samples.
+    """
+    return run_limited(path, NEEDED[:1], _samples, path, max_pixels)
 
 
-def _scene(path: Path, name: str, max_pixels: int) -> Scene:
+def _samples(path: Path, max_pixels: int) -> CodeArray:
+    with _unpacked(path, max_pixels) as (raw, rawpy):
+        _check_mosaic(raw, rawpy, "give a file with the samples of the sensor")
+        return np.array(raw.raw_image_visible)
+
+
+@contextmanager
+def _unpacked(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
+    """In the `with` block, a RAW whose samples LibRaw has read, and rawpy; errors of the block are those of `guarded`."""
     import rawpy
 
-    try:
-        with rawpy.RawPy() as raw:
-            raw.open_file(str(path))
-            sizes = raw.sizes
-            check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
-            raw.unpack()
-            rgb, gone = _quads(raw, rawpy)
-            neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
-            rgb, clipped = with_white_highlights(rgb, neutral, gone)
-            directories = raw_directories(path)
-            matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
-            metadata = _metadata(raw, directories)
-    except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
-        raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
+    with guarded(path):
+        try:
+            with rawpy.RawPy() as raw:
+                raw.open_file(str(path))
+                sizes = raw.sizes
+                check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
+                raw.unpack()
+                yield raw, rawpy
+        except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
+            raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
+
+
+def _read(path: Path, name: str, max_pixels: int) -> Scene:
+    with _unpacked(path, max_pixels) as (raw, rawpy):
+        rgb, gone = _quads(raw, rawpy)
+        neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
+        rgb, clipped = with_white_highlights(rgb, neutral, gone)
+        directories = raw_directories(path)
+        matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
+        metadata = _metadata(raw, directories)
     if matrix is None:
         notes += (UNKNOWN_MATRIX,)
     return Scene(rgb, name, matrix, neutral, metadata, (*notes, *clipped), estimated)
@@ -123,8 +142,7 @@ def _quads(raw: Any, rawpy: Any) -> tuple[FloatArray, FloatArray]:
 def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
-    if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
-        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {no_quads}")
+    _check_mosaic(raw, rawpy, no_quads)
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
@@ -139,6 +157,11 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     if sorted(quad) != ["B", "G", "G", "R"] or (quad[0] == "G") == (quad[1] == "G") or (quad[0] == "G") == (quad[2] == "G"):
         raise InputError(f"the filters are {''.join(quad)}: {no_quads}")
     return cast(NDArray[np.uint8], pattern)
+
+
+def _check_mosaic(raw: Any, rawpy: Any, remedy: str) -> None:
+    if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
+        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}")
 
 
 def _neutral(raw: Any) -> tuple[float, ...] | None:

@@ -16,7 +16,7 @@ from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import NO_RAW, camera_raw_scene
-from .decoders import FORMATS, TIFF, guarded
+from .decoders import FORMATS, TIFF, PictureFormat, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
@@ -67,12 +67,29 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     """
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
-    path = Path(source)
     if meant := _misspelt(source):
         raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
-    if not _has_text_name(source):
-        with _text_name(path) as link:
-            return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels, channels=channels), name=path.stem)
+    with text_name(Path(source)) as path:
+        return replace(_in_file(path, linear, max_pixels, channels), name=Path(source).stem)
+
+
+def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
+    found, is_dng = file_kind(path)
+    if found:
+        with guarded(path):
+            picture = found.decode(path, max_pixels, channels)
+        gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
+        return gehlers or picture_scene(picture, path.stem, linear=linear)
+    with guarded(path):
+        linear_scene = linear_dng_scene(path, path.stem, max_pixels) if is_dng else None
+    return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
+
+
+def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
+    """The format of a picture, by its content, None for a file that may be a camera RAW; and whether that is a DNG.
+
+    Raises ForeignFileError for a shot of Panchroma, and InputError for a file that can be neither.
+    """
     start = _first_bytes(path)
     suffix = path.suffix.lower()
     found = next((each for each in FORMATS if re.match(each.start, start, re.DOTALL)), None)
@@ -84,15 +101,10 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     elif found and suffix not in found.endings:
         raise InputError(f"is a {found.name} picture by its content; if that is right, rename it {path.stem}{found.endings[0]}")
     if found and suffix in found.endings and not is_dng:
-        with guarded(path):
-            picture = found.decode(path, max_pixels, channels)
-        gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
-        return gehlers or picture_scene(picture, path.stem, linear=linear)
+        return found, False
     if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         raise InputError(NO_RAW.format("by its name and its first bytes"))
-    with guarded(path):
-        linear_scene = linear_dng_scene(path, path.stem, max_pixels) if is_dng else None
-    return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
+    return None, is_dng
 
 
 def is_drawn(source: str) -> bool:
@@ -124,14 +136,15 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     return scene
 
 
-def _has_text_name(name: str) -> bool:
-    """Whether a name has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8."""
-    return name == name.encode(errors="ignore").decode()
-
-
 @contextmanager
-def _text_name(path: Path) -> Iterator[Path]:
-    """In the `with` block, a link to the file whose name is text: LibRaw and OpenEXR take no other names."""
+def text_name(path: Path) -> Iterator[Path]:
+    """In the `with` block, a name of the file that is text: LibRaw and OpenEXR take no other names. It is a link if need be.
+
+    Text has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8.
+    """
+    if str(path) == str(path).encode(errors="ignore").decode():
+        yield path
+        return
     try:
         with TemporaryDirectory() as folder:
             link = Path(folder, "scene" + path.suffix.encode("ascii", "ignore").decode())

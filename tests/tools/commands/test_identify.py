@@ -1,0 +1,148 @@
+"""`panchroma identify`: files of every kind, what is said of their filters, the map of the tile."""
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+import tifffile
+
+from shared import CfaPattern, SensorCalibration
+from shared import write_dng as write_shot
+from shared.arrays import CodeArray
+from shared.pattern_text import read_pattern
+from shared.sensor import simulate_additive
+from tests.data import ROOT, photograph
+from tests.device.capture.test_identification import SCENE, found, taken, tile_of
+from tests.shared.dng.examples import preview
+from tests.tools.command import PROGRAM, run
+from tests.tools.scenes.test_camera_raw import LINEAR_RAW, write_dng
+
+SONY = taken(SCENE, tile_of("Sony", (3, 2)))
+SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))
+LETTERS = found(SONY).tile
+
+
+def padded(frame: CodeArray, padding: int) -> bytes:
+    return np.pad(frame, ((0, 0), (0, padding))).astype("<u2").tobytes()
+
+
+def test_files_of_every_kind_are_read(tmp_path: Path) -> None:
+    small = SONY // 8
+    tifffile.imwrite(tmp_path / "a.tif", SONY)
+    tifffile.imwrite(tmp_path / "b.tif", small.astype(np.uint8))
+    (tmp_path / "c.png").write_bytes(imagecodecs.png_encode(SONY))
+    (tmp_path / "d.png").write_bytes(imagecodecs.png_encode(small.astype(np.uint8)))
+    np.save(tmp_path / "e.npy", SONY)
+    write_dng(tmp_path / "f.dng", SONY, kind=LINEAR_RAW)
+    write_dng(tmp_path / "g.dng", SONY)  # which calls itself a Bayer RAW
+    files = sorted(tmp_path.iterdir())
+    outcome = run("identify", "--json", *files)
+    assert outcome.code == 0, outcome.err
+    assert {(record["name"], tuple(record["letters"])) for record in outcome.records} == {("Sony", LETTERS)}
+    assert [record["source"] for record in outcome.records] == list(map(str, files))
+
+
+@pytest.mark.parametrize("name", ["Sony", "Kaizu", "paper", "RWWG/WWWW/WBWW/WWWW"])
+def test_one_of_the_lines_to_go_on_with_describes_the_sensor(tmp_path: Path, name: str) -> None:
+    """Several, where colours with equally many sites may be exchanged."""
+    tile = tile_of(name, (1, 2))
+    np.save(tmp_path / "a.npy", taken(SCENE, tile))
+    (record,) = run("identify", "--json", tmp_path / "a.npy").records
+    described = []
+    for letters, (row, column) in (record["pattern"], *record["alternatives"]):
+        described.append(replace(read_pattern(letters), origin=(row, column)).letters_from())
+    assert len({*described}) == len(described)
+    assert tile in described
+    assert described[0] == tuple(record["letters"])
+
+
+def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
+    np.save(tmp_path / "sony.npy", SONY)
+    np.save(tmp_path / "bayer.npy", taken(SCENE, tile_of("RG/GB")))
+    np.save(tmp_path / "grey.npy", taken(SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2), tile_of("K=4")))
+    outcome = run("identify", *sorted(tmp_path.glob("*.npy")))
+    assert outcome.code == 0
+    bayer, grey, sony = outcome.out.split(".npy\n")[1:]
+    assert "period        4 pixels" in sony
+    assert "panchromatic  8 of 16 sites" in sony
+    assert "go on         --pattern sony --origin" in sony
+    assert "panchromatic  no site" in bayer
+    assert "Bayer sensors are developed by other raw developers" in bayer
+    assert "the colours (?), and perhaps the period: take a picture with more colour or light" in grey
+    assert "go on" not in grey
+
+
+def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> None:
+    np.save(tmp_path / "sony.npy", SONY)
+    outcome = run("identify", "-o", out, "--json", tmp_path / "sony.npy")
+    (record,) = outcome.records
+    assert record["output"] == str(out / "sony-tile.png")
+    shown = imagecodecs.png_decode((out / "sony-tile.png").read_bytes())
+    cell = shown.shape[0] // 4
+    corners = shown[4::cell, 4::cell][:4, :4].astype(int)
+    assert (corners == corners[..., :1]).all()  # grey
+    light = np.array(record["light"])
+    assert np.corrcoef(corners[..., 0].ravel(), light.ravel())[0, 1] > 0.999
+    middles = shown[cell // 5 + cell // 2 :: cell, cell // 2 :: cell]  # below the letters
+    for letter, strongest in zip("RGB", range(3), strict=True):
+        sites = np.array([[*row] for row in record["letters"]]) == letter
+        assert (middles[:4, :4][sites].argmax(axis=-1) == strongest).all()
+    again = run("identify", "-o", out, tmp_path / "sony.npy")
+    assert "exists already; use --overwrite" in again.errors[0]
+
+
+def test_frames_that_show_nothing_fail_with_what_to_photograph(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.full((200, 300), 700, np.uint16))
+    np.save(tmp_path / "b.npy", SONY)
+    outcome = run("identify", "--json", tmp_path / "a.npy", tmp_path / "b.npy")
+    assert outcome.code == 1
+    assert [record["ok"] for record in outcome.records] == [False, True]
+    assert "shows no pattern of filters" in outcome.errors[0]
+    assert "Photograph something with many colours in good light" in outcome.errors[0]
+
+
+def test_files_without_samples_of_a_sensor_are_refused(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "rgb.tif", np.zeros((20, 30, 3), np.uint16), photometric="rgb")
+    np.save(tmp_path / "float.npy", np.zeros((20, 30), np.float32))
+    for name, words in (
+        ("rgb.tif", "several colours at each pixel"),
+        ("float.npy", "its samples are float32"),
+        ("none.dng", "there is no such file"),
+    ):
+        outcome = run("identify", tmp_path / name)
+        assert outcome.code == 1
+        assert words in outcome.errors[0]
+
+
+def test_a_shot_and_raws_of_other_cameras_are_read(tmp_path: Path) -> None:
+    pattern = CfaPattern.of_letters("kodak", (1, 2))
+    shot = simulate_additive(SCENE, pattern, SensorCalibration.of_bits(12), 0.01, np.random.default_rng(0))
+    write_shot(tmp_path / "shot.dng", shot, preview())
+    for path, name, corner in ((tmp_path / "shot.dng", "Kodak", None), (photograph("raw/rose.dng"), "Bayer", "RG")):
+        (record,) = run("identify", "--json", path).records
+        assert record["name"] == name
+        assert corner in (None, record["letters"][0])
+
+
+def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
+    path, odd = tmp_path / "frames.bin", tmp_path / "odd.bin"
+    path.write_bytes(padded(SONY, 8) * 2)
+    odd.write_bytes(padded(SONY, 11) * 2)
+    layout = (*SIZE, "--pixel-format", "Y12", "--stride", str(2 * SONY.shape[1] + 16))
+    outcome = run("identify", path, *layout, "--json")
+    assert (outcome.code, outcome.records[0]["letters"]) == (0, list(LETTERS))
+    line = [*PROGRAM, "identify", "-", *layout, "--json"]
+    piped = subprocess.run(line, input=path.read_bytes(), cwd=ROOT, capture_output=True, check=False)
+    assert json.loads(piped.stdout)["letters"] == list(LETTERS)
+    for file, arguments, words in (
+        (path, (), "a frame without a header needs --width, --height and --pixel-format"),
+        (path, SIZE, "describe them with --pixel-format"),
+        (path, layout[:-2], "likely --stride 448"),
+        (odd, layout[:-2], "stripes is rare: size, format or stride may be another"),
+    ):
+        outcome = run("identify", file, *arguments)
+        assert words in outcome.out + outcome.err

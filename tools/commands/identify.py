@@ -1,0 +1,115 @@
+"""Find out which pattern of colour filters a sensor has, from one raw frame of a scene with light and colours.
+
+FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with the samples, or, with --width, --height and
+--pixel-format, a raw frame or stream (- is standard input), of which the first frame counts. Sites with one filter read the same in
+every scene, and panchromatic ones (W) are the brightest. Which of two colours is red and which is blue only a picture of something
+known tells.
+"""
+
+import argparse
+from itertools import chain, repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shared.arrays import CodeArray
+from shared.errors import InputError
+from shared.writing import write_durably
+from tools.host.console import Console
+from tools.host.folders import Source, plan
+from tools.host.jobs import Job, Outcome, output_folder, run_jobs
+from tools.host.progress import StageProgress
+from tools.live.identification import facts_of, first_frame
+from tools.live.source import STREAM, SourceOptions
+from tools.pictures.tile_map import tile_map
+from tools.scenes.camera_raw import NO_RAW
+from tools.scenes.sensor_samples import sensor_samples
+
+from .frame_options import LAYOUT, add_layout
+from .options import add
+
+_COLUMN = 14  # characters for the name of a row
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `panchroma identify`."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help="a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream")
+    add_layout(parser, "files without a header (rpicam-raw prints all this when it starts)")
+    add(parser, "output", files="NAME-tile.png: how bright each site of the tile is, and its letter", required=False)
+    add(parser, "max-pixels", "overwrite")
+    add(parser, "json", each="file")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Identify the pattern of each file; returns the exit code."""
+    folder = output_folder(arguments.output) if arguments.output is not None else None
+
+    def work(job: Job, listener: StageProgress) -> Outcome:
+        given = SourceOptions(job.source, **{name: getattr(arguments, name) for name in LAYOUT})
+        described = given != SourceOptions(job.source) or job.source == STREAM
+        hint = "size, format or stride may be another" if described else ""
+        codes = first_frame(given) if described else _in_file(job.source, arguments.max_pixels)
+        try:
+            facts = facts_of(codes)
+        except InputError as error:
+            raise InputError(f"{error}{hint and '; '}{hint}") from None
+        lines = [job.source, *(f"  {name:<{_COLUMN}}{value}" for name, value in _rows(facts, hint))]
+        if job.outputs:
+            write_durably(job.output, tile_map(facts["letters"], np.array(facts["light"])), overwrite=arguments.overwrite)
+            facts["output"] = str(job.output)
+            lines.append(f"  {'picture':<{_COLUMN}}{job.output}")
+        return Outcome(facts, tuple(lines))
+
+    if folder is None:
+        jobs = [Job(name) for name in arguments.files]
+    else:
+        jobs = plan([Source(name) for name in arguments.files], lambda name: [f"{Path(name).stem}-tile.png"], folder)
+    return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
+
+
+def _in_file(source: str, max_pixels: int) -> CodeArray:
+    try:
+        return sensor_samples(Path(source), max_pixels)
+    except InputError as error:
+        is_unknown = str(error).startswith(NO_RAW.partition("{")[0])
+        more = "; a frame without a header needs --width, --height and --pixel-format" * is_unknown
+        raise InputError(f"{error}{more}") from None
+
+
+def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
+    """The facts as the rows of a table for people."""
+    sites, clear = facts["period"] ** 2, len(facts["panchromatic"])
+    gap = f"{clear} of {sites} sites; the next are {100 * facts['gap']:.0f} % of the range darker" if clear else "no site"
+    rows = [
+        ("size", f"{facts['width']} x {facts['height']} pixels"),
+        ("period", f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance"),
+        ("panchromatic", gap),
+        ("letters", f"{facts['letters'][0]}   from the first pixel on"),
+        *(("", row) for row in facts["letters"][1:]),
+        ("name", facts["name"] or "none that Panchroma knows"),
+    ]
+    if facts["separation"]:
+        rows.append(("colours", f"differ {min(facts['separation'], 1000):.0f} times more than sites of one colour do"))
+    if len({*facts["letters"]}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
+        rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
+    if facts["open"]:
+        rows.append(("not known", "the colours (?), and perhaps the period: take a picture with more colour or light"))
+    elif facts["exchangeable"]:
+        rows.append(("not known", "which of the colours with equally many sites is which: a picture of something red shows it"))
+    return rows + _next_rows(facts)
+
+
+def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    """What to do with the answer."""
+    if facts["dense"]:
+        return [("go on", f"{facts['name']} sensors are developed by other raw developers; Panchroma needs panchromatic pixels")]
+    if facts["open"]:
+        return []
+    if facts["pattern"] is None:
+        return [("go on", "Panchroma cannot use this tile: a colour site is too far from panchromatic pixels")]
+    fitting = ("--pattern {} --origin {} {}".format(name, *origin) for name, origin in (facts["pattern"], *facts["alternatives"]))
+    rows = list(zip(chain(["go on"], repeat("or")), fitting, strict=False))
+    if not facts["name"]:
+        rows.append(("", "the letters say which sites are alike; put those of the real filters in their place"))
+    return rows

@@ -1,0 +1,94 @@
+"""What a frame of a sensor that nobody described shows of its filters."""
+
+import os
+import sys
+from collections import Counter
+from contextlib import suppress
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from device.capture import identify
+from device.capture.frames import read_frames
+from device.capture.identification import DENSE, UNKNOWN
+from shared import CfaPattern
+from shared.arrays import CodeArray
+from shared.errors import InputError
+from shared.pattern import PANCHROMATIC
+from shared.reading import opened_file
+from shared.tiles import place_of
+
+from .source import STREAM, SourceOptions, layout_of, recording, standard_input
+
+NOTHING = (
+    "the frame shows no pattern of filters: it is too dark, too even or too small, or there are none. Photograph something with "
+    "many colours in good light, not overexposed; the larger the frame the better"
+)
+_COLOURS = "RGB"
+
+
+def first_frame(given: SourceOptions) -> CodeArray:
+    """The samples of the first frame in a file or stream that is described.
+
+    Raises InputError for what cannot be read, and for a description that does not fit.
+    """
+    layout, _ = layout_of(given)
+    if given.source == STREAM:
+        recording()
+        with standard_input() as stream:
+            return layout.unpack(next(read_frames(stream, layout)).data)
+    with opened_file(given.source, sys.maxsize, "a raw frame") as file:
+        length = file.seek(0, os.SEEK_END)
+        if length % layout.frame_bytes and (likely := layout.likely(length)):
+            raise InputError(f"{length} bytes are no whole number of frames: {layout.size}; likely {likely}")
+        file.seek(0)
+        return layout.unpack(file.read(layout.frame_bytes))
+
+
+def facts_of(codes: CodeArray) -> dict[str, Any]:
+    """What a frame (H, W) shows of the filters, see `Identity`; `pattern` and `alternatives` are those that fit.
+
+    Raises InputError that says what to photograph if the frame shows no pattern.
+    """
+    found = identify(codes)
+    if found is None:
+        raise InputError(NOTHING)
+    clear = np.array([[letter == PANCHROMATIC for letter in row] for row in found.tile])
+    gap = float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light)) if clear.any() else None
+    return {
+        "width": codes.shape[1],
+        "height": codes.shape[0],
+        "period": found.period,
+        "certainty": round(found.certainty, 1),
+        "panchromatic": np.argwhere(clear).tolist(),
+        "gap": gap and round(gap, 2),
+        "letters": list(found.tile),
+        "separation": round(found.separation, 1),
+        "name": found.name or None,
+        "dense": found.name in DENSE,
+        "open": UNKNOWN in "".join(found.tile),
+        "light": found.light.round(4).tolist(),
+        "pattern": _described(found.tile),
+        "exchangeable": bool(_exchanged(found.tile)),
+        "alternatives": [each for tile in _exchanged(found.tile) if (each := _described(tile))],
+    }
+
+
+def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The tiles that would fit as well: colours with equally many sites are exchanged."""
+    sites = Counter("".join(tile))
+    orders = (order for order in permutations(_COLOURS) if all(sites[a] == sites[b] for a, b in zip(_COLOURS, order, strict=True)))
+    tiles = (tuple(row.translate(str.maketrans(_COLOURS, "".join(order))) for row in tile) for order in orders)
+    return [each for each in dict.fromkeys(tiles) if each != tile]
+
+
+def _described(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
+    """Name, or letters, and origin of the pattern with these letters from the first pixel on; None if Panchroma cannot use it."""
+    if any(UNKNOWN in row for row in tile):
+        return None
+    with suppress(InputError):
+        pattern = CfaPattern.of_letters("/".join(tile))
+        name, origin = place_of(pattern.tile)
+        return name.casefold() or "/".join(pattern.tile), origin
+    return None
