@@ -16,6 +16,24 @@ from .parts import Part
 
 
 @dataclass(frozen=True, eq=False)
+class ColourLines:
+    """Colour as a linear function of luminance, around each whole block (see `whole.colour_lines`).
+
+    offset, slope: of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0 and to 1.
+    share: how far each line is believed, 0 to 1, float32 (rows, columns).
+    """
+
+    offset: FloatArray
+    slope: FloatArray
+    share: FloatArray
+
+    def at(self, light: FloatArray) -> FloatArray:
+        """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places of each channel."""
+        found: FloatArray = self.offset + self.slope * light
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class BlockSamples:
     """What the B = (rows, columns) whole blocks of a frame measured with their S sites, and how sure that is.
 
@@ -26,6 +44,7 @@ class BlockSamples:
     fill_error: standard deviation of the error of filled luminance, float32 B, scene units.
     kept: share of what the samples miss that the correction at the sites takes up, float32 B, 0 to 1; None = all of it. A burst
         corrects the rest itself, with the samples of all frames.
+    lines: colour as a function of luminance around the blocks; None = not asked for.
     """
 
     sites: Sites
@@ -34,6 +53,7 @@ class BlockSamples:
     unclipped: BoolArray
     fill_error: FloatArray
     kept: FloatArray | None = None
+    lines: ColourLines | None = None
 
     def within(self, part: Part) -> slice:
         """The rows of blocks that lie wholly inside a part of the picture."""

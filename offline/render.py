@@ -26,6 +26,7 @@ from .measured import Measured
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
 from .rows.learned import Learned
+from .rows.lines import OnLines
 from .rows.pinning import Pinning
 from .rows.propagation import Propagation
 from .rows.refinement import Refinement
@@ -36,6 +37,7 @@ from .solvers import Solved, SolverLog
 from .tiling import bands
 from .units import check_finite, in_scene_units, own_unit, scaled
 from .whole.chromaticity import estimate_chromaticities
+from .whole.colour_lines import colour_lines
 from .whole.defects import mend_defects
 from .whole.denoising import denoise_luminance
 from .whole.highlights import clipping_level, restore_highlights
@@ -97,6 +99,8 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     stages: list[RowStage] = [Propagation(measured, settings.affinity, settings.propagation, progress)]  # c, Eqs. 10-14
     if settings.refinement.used:
         stages.append(Refinement(measured, settings.refinement))  # c+, Eqs. 15-16
+    if samples is not None and samples.lines is not None:
+        stages.append(OnLines(samples.sites, samples.lines, gamma))
     if samples is not None:
         stages.append(Missed(samples, gamma))
         if measured.pattern.is_scattered and settings.pinning.used:
@@ -272,7 +276,8 @@ def coloured(
     measured = Measured(frame.mosaic.pattern, frame.mosaic.calibration, luminance, blocks, None, frame.lost)
     if not settings.asks_for_sites:
         return measured
-    samples = block_samples(frame, luminance, alone)
+    lines = colour_lines(frame, luminance, blocks, settings.lines)
+    samples = replace(block_samples(frame, luminance, alone), lines=lines)
     luminance = settle_luminance(luminance, blocks, samples, measured.gamma, settings.settling)
     return replace(measured, luminance=luminance, samples=samples)
 

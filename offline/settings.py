@@ -4,7 +4,19 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .stage_settings import ALL_TRUSTED, NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, TrustSettings, require
+from .stage_settings import (
+    ALL_TRUSTED,
+    NO_LINES,
+    NOT_SETTLED,
+    OFF,
+    ON,
+    LineSettings,
+    SettlingSettings,
+    StageSettings,
+    Switch,
+    TrustSettings,
+    require,
+)
 
 _LARGEST = 32  # pixels: side of a DCT block
 _FARTHEST = 16  # pixels: radius of non-local means
@@ -286,6 +298,7 @@ class RenderSettings:
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
+    lines: LineSettings = NO_LINES
     settling: SettlingSettings = NOT_SETTLED
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
@@ -305,12 +318,12 @@ class RenderSettings:
     @property
     def asks_for_sites(self) -> bool:
         """Whether a stage looks at what a picture misses at the colour sites."""
-        return any(each.used for each in (self.settling, self.correction, self.pinning, self.learned))
+        return any(each.used for each in (self.lines, self.settling, self.correction, self.pinning, self.learned))
 
     @property
     def uncorrected(self) -> "RenderSettings":
         """These settings without the stages that look at what a picture misses at the colour sites."""
-        return replace(self, trust=ALL_TRUSTED, settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
+        return replace(self, trust=ALL_TRUSTED, lines=NO_LINES, settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
 
 
 PAPER = RenderSettings()
@@ -325,6 +338,7 @@ BEST = RenderSettings(
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
     trust=TrustSettings(used=True),
+    lines=LineSettings(used=True),
     settling=SettlingSettings(used=True),
     correction=ON,
     pinning=ON,

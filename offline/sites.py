@@ -88,9 +88,15 @@ def settle_luminance(
     """
     if not settings.used:
         return luminance
-    sites = measured.sites
+    sites, light = measured.sites, measured.sites.of(luminance)
     colour = np.take(sites.whole(blocks) * gamma, sites.channels, axis=2)
-    missed = (measured.samples * gamma[sites.channels] - colour * sites.of(luminance)) * measured.unclipped[..., None]
+    shown = colour * light
+    if (lines := measured.lines) is not None:
+        offset, slope = (np.moveaxis(plane[sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
+        share = lines.share[..., None]
+        shown += share * (offset + slope * light - shown)
+        colour += share * (slope - colour)
+    missed = (measured.samples * gamma[sites.channels] - shown) * measured.unclipped[..., None]
     delta, _ = most_probable(missed.astype(np.float32, copy=False), colour, measured, slice(None), gamma)
     settled = luminance.copy()
     for site, place in enumerate(sites.places):
@@ -110,8 +116,12 @@ def most_probable(
     power = signal_power(error, None if variance is None else variance.mean(axis=2))
     share = np.square(colour).mean(axis=2)
     # Luminance is wrong by the error of filling, but not by more than the errors show; the rest of these, or a part, is colour.
-    fill_variance = np.minimum(np.square(measured.fill_error[rows]), power / np.maximum(share, _LEAST_SHARE))
+    most = power / np.maximum(share, _LEAST_SHARE)
+    fill_variance = np.minimum(np.square(measured.fill_error[rows]), most)
     tint = np.maximum(power - fill_variance * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
+    if measured.lines is not None:  # where a line says what colour is, errors are of luminance
+        believed = measured.lines.share[rows]
+        tint, fill_variance = tint * (1 - believed), fill_variance + believed * (most - fill_variance)
     noise = np.zeros_like(error) if variance is None else variance
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
     kernels.share_out(error, colour, fill_variance, tint, noise, sites.channels, nearness(sites.pattern), light, tints)

@@ -40,6 +40,13 @@ class SettlingSettings(Switch):
 
 
 @dataclass(frozen=True)
+class LineSettings(Switch):
+    """Colour as a linear function of luminance, where that explains the samples (see `whole.colour_lines`); not in the paper."""
+
+    kernels = "surroundings", "smooth"
+
+
+@dataclass(frozen=True)
 class TrustSettings(Switch):
     """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `whole.trust`); not in the paper.
 
@@ -55,4 +62,4 @@ class TrustSettings(Switch):
         require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
-ON, OFF, NOT_SETTLED, ALL_TRUSTED = Switch(used=True), Switch(), SettlingSettings(), TrustSettings()
+ON, OFF, NO_LINES, NOT_SETTLED, ALL_TRUSTED = Switch(used=True), Switch(), LineSettings(), SettlingSettings(), TrustSettings()

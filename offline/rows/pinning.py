@@ -89,6 +89,9 @@ class Pinning(RowStage):
         # A ratio is the less certain the darker its site is.
         squared = np.square(lights) / np.maximum(np.square(lights).mean(axis=2, keepdims=True), DARK**2)
         trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * samples.unclipped[tiles, :, None]
+        if samples.lines is not None:
+            apart = 1 - samples.lines.share[tiles]
+            share, trust = share * apart, trust * apart[..., None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
             light = lights[..., site]

@@ -1,0 +1,123 @@
+"""Colour as a function of luminance, around each block: print, and every other place where two surfaces meet.
+
+Where an ink lies on paper, every pixel is a mixture of both, and each channel is a linear function of luminance: a colour line. Black
+print has one chromaticity at any luminance; a red word runs from paper to ink. The line of many blocks is known far better than the
+chromaticity of any one of them, whose luminance is filled in and wrong where strokes pass. And it tells the colour of strokes that
+meet no block. It says nothing where luminance does not vary, and is wrong where there are several colours of one luminance.
+
+So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: the blocks' deviations from the line
+in units of the errors that strokes under the blocks cause, estimated from the range of the panchromatic samples around each block.
+Blocks that no stroke touches are exact, and weigh most: they soon show that a place has more colours than one line. The paper has
+none of this. All is in units of luminance: channel i counts gamma_i times.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from ..blocks import Sites
+from ..cleaned import Cleaned
+from ..gaussian import smoothed
+from ..measured import ColourLines
+from ..stage_settings import Switch
+
+_WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
+_STROKES = 0.1  # error of luminance under a block, as a share of the range of the samples around it
+_EVEN, _LINEAR = 0.01, 0.1  # share of the light by which colours may depart from a line: in even places; where it is fitted
+_CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity
+_DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity
+_OWN, _ESTIMATED, _STEEPNESS = 1.3, 0.7, 6  # chi-squares of samples and of estimated blocks that count by half; their power
+_WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black print has twice the tint
+_RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples
+_DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line
+_TINY = 1e-20  # keeps quotients finite
+_LEAST_SLOPE = 0.3  # of the sum of a line's slopes, which is 1 without errors of luminance
+
+
+def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch) -> ColourLines | None:
+    """The lines around all whole blocks, and how far each is believed; None where nobody asks.
+
+    luminance: (H, W), filled in and denoised, scene units. blocks: chromaticity of every block, (block rows, block columns, C).
+    """
+    if not settings.used:
+        return None
+    sites, gamma = frame.sites, frame.gamma.astype(np.float32)[:, None, None]
+    light, seen = (_means(sites, plane) for plane in (luminance, frame.signal))
+    seen *= gamma
+    mean = np.maximum(light.mean(axis=0), np.float32(_DARK * frame.level))
+    strokes, noise = _errors(frame, mean)
+    even = strokes + (np.float32(_EVEN / len(gamma)) * mean) ** 2
+    lines = _fitted(light, seen, 1 / (even + noise), 1 / (strokes + noise + _linear(mean, len(gamma), frame.level)), noise)
+    variance, free = even + strokes, len(gamma) - 1  # of luminance, and of the sample
+    own = _apart(seen - lines.at(light)) - free * noise
+    estimated = _apart(np.moveaxis(sites.whole(blocks), 2, 0) * gamma * mean - lines.at(mean))
+    # A sample counts as far as it tells more than noise. Of estimated blocks pooling has taken the noise off.
+    informed = (variance / (variance + free * noise)) ** 2
+    chi = [np.clip(each / variance, -_WORST, _WORST) for each in (own, estimated)]
+    by_samples, weight, by_estimates = smoothed(np.stack([chi[0] * informed, informed, chi[1]]), _WIDTH)
+    share = np.maximum(_believed(by_samples / weight, _OWN) * weight**2, _believed(by_estimates, _ESTIMATED))
+    return replace(lines, share=share)
+
+
+def _means(sites: Sites, plane: FloatArray) -> FloatArray:
+    """Means of a plane over the sites of each channel, float32 (C, rows, columns)."""
+    return np.ascontiguousarray(np.moveaxis(sites.means(sites.of(plane)), 2, 0), np.float32)
+
+
+def _errors(frame: Cleaned, light: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Variances of what a block shows of a channel, float32 (rows, columns): what strokes under it cause, and noise."""
+    around, noise, gamma, channels = frame.around, frame.noise, frame.gamma, frame.sites.channels
+    span = (around.highest - around.lowest).astype(np.float32)
+    variance = np.zeros_like(span)
+    if noise is not None:
+        span = np.maximum(span - np.float32(_RANGE) * np.sqrt(noise.variance(light)), 0)
+        each = noise.variance(frame.samples.astype(np.float32), channels) * gamma[channels] ** 2
+        variance = (each / np.bincount(channels)[channels] ** 2).sum(axis=2).astype(np.float32) / np.float32(len(gamma))
+    return (np.float32(_STROKES / len(gamma)) * span) ** 2, variance
+
+
+def _linear(light: FloatArray, channels: int, level: float) -> FloatArray:
+    """Variance of colours about a line, where a line is fitted to them: (rows, columns)."""
+    return (np.float32(_LINEAR / channels) * light) ** 2 + np.float32(_FAINT * level) ** 2
+
+
+def _fitted(light: FloatArray, seen: FloatArray, exact: FloatArray, weight: FloatArray, noise: FloatArray) -> ColourLines:
+    """Lines by weighted least squares, through the mean of the blocks that no stroke touches.
+
+    light, seen: luminance and share of each channel in it, (C, rows, columns).
+    exact, weight: precision of the blocks for that mean, and for the slopes, (rows, columns). noise: variance of `seen`.
+    """
+    count = len(seen)
+    total, level, *means = smoothed(np.stack([exact, exact * light.mean(axis=0), *(exact * seen)]), _WIDTH)
+    level, means = level / total, np.stack(means) / total
+    mixture = means / means.sum(axis=0)
+    planes = [weight, weight * noise, *(weight * light), *(weight * seen), *(weight * light**2), *(weight * light * seen)]
+    total, noisy, *moments = smoothed(np.stack([*planes, *(weight * seen**2)]), _WIDTH)
+    one, two, square, product, power = np.stack(moments).reshape(5, count, *total.shape) / total
+    least = (np.float32(_CONTRAST) * level) ** 2 + noisy / total
+    spread = np.maximum(square - 2 * one * level + level**2, 0) + least
+    together = product - two * level - one * means + level * means
+    slope = (together + least * mixture) / spread
+    rest = np.maximum(power - 2 * two * means + means**2 - slope * together, 0)
+    # How many blocks a line rests on: the square of the weights' sum over the sum of their squares.
+    narrow = smoothed(weight**2, _WIDTH / 2**0.5)
+    number = (4 * np.pi * _WIDTH**2) * total**2 / narrow
+    whole = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPE))
+    odd = slope / whole - mixture
+    odd -= odd.mean(axis=0)
+    error = (rest / spread).sum(axis=0) / (number * whole**2)
+    # James and Stein: what errors may cause is taken off the differences of slopes.
+    odd *= np.maximum(1 - np.float32(_DEVIATIONS**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0)
+    return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
+
+
+def _apart(colours: FloatArray) -> FloatArray:
+    """Squared distance from grey, without the luminance of (C, rows, columns)."""
+    return np.square(colours - colours.mean(axis=0)).sum(axis=0)  # type: ignore[no-any-return]
+
+
+def _believed(chi: FloatArray, limit: float) -> FloatArray:
+    """1 where there is no deviation, one half at the limit."""
+    return 1 / (1 + np.maximum(chi / np.float32(limit), 0) ** _STEEPNESS)  # type: ignore[no-any-return]
