@@ -14,6 +14,9 @@ from shared.pattern import CfaPattern
 from .blocks import Sites
 from .parts import Part
 
+EVEN = 0.01 / 3
+"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off."""
+
 
 @dataclass(frozen=True, eq=False)
 class ColourLines:
@@ -133,5 +136,6 @@ class Measured:
         luminance = np.broadcast_to(nothing, mosaic.shape)
         blocks = np.broadcast_to(nothing, (*sites.grid.shape, len(mosaic.pattern.channels)))
         values, each = np.broadcast_to(nothing, (*sites.shape, len(mosaic.pattern.sites))), np.broadcast_to(nothing, sites.shape)
-        samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), each)
+        lines = ColourLines(values[..., 0], values[..., 0], each)
+        samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), each, lines=lines)
         return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)

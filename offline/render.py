@@ -99,7 +99,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     stages: list[RowStage] = [Propagation(measured, settings.affinity, settings.propagation, progress)]  # c, Eqs. 10-14
     if settings.refinement.used:
         stages.append(Refinement(measured, settings.refinement))  # c+, Eqs. 15-16
-    if samples is not None and samples.lines is not None:
+    if settings.lines.used and samples is not None and samples.lines is not None:
         stages.append(OnLines(samples.sites, samples.lines, gamma))
     if samples is not None:
         stages.append(Missed(samples, gamma))

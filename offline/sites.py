@@ -26,12 +26,13 @@ from .blocks import Sites, curvature
 from .cleaned import Cleaned, unclipped_blocks
 from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
-from .measured import BlockSamples
+from .measured import EVEN, BlockSamples
 from .stage_settings import Switch
 
 _FILLED = 0.5  # correlation of the errors of filled luminance one pixel apart
 _CURVED = 0.7  # error of filled luminance as a multiple of its curvature
 _TINT, _LEAST_SHARE = 0.5, 1e-6  # share of the power of errors that is colour at least; of luminance in the sites' channels
+_LEAST_POWER = 1e-30  # keeps quotients finite
 _ROUNDS = 3  # in which the covariance takes its c from the round before
 _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of errors
 _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the power of errors is averaged
@@ -93,8 +94,10 @@ def settle_luminance(
     shown = colour * light
     if (lines := measured.lines) is not None:
         offset, slope = (np.moveaxis(plane[sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
-        share = lines.share[..., None]
-        shown += share * (offset + slope * light - shown)
+        apart, least = offset + slope * light - shown, np.square(np.float32(EVEN) * light).mean(axis=2)
+        far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
+        share = (lines.share * (1 - least / far))[..., None]
+        shown += share * apart
         colour += share * (slope - colour)
     missed = (measured.samples * gamma[sites.channels] - shown) * measured.unclipped[..., None]
     delta, _ = most_probable(missed.astype(np.float32, copy=False), colour, measured, slice(None), gamma)

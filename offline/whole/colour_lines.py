@@ -1,13 +1,13 @@
 """Colour as a function of luminance, around each block: print, and every other place where two surfaces meet.
 
-Where an ink lies on paper, every pixel is a mixture of both, and each channel is a linear function of luminance: a colour line. Black
-print has one chromaticity at any luminance; a red word runs from paper to ink. The line of many blocks is known far better than the
-chromaticity of any one of them, whose luminance is filled in and wrong where strokes pass. And it tells the colour of strokes that
-meet no block. It says nothing where luminance does not vary, and is wrong where there are several colours of one luminance.
+Where an ink lies on paper, every pixel is a mixture of both, and each channel is a linear function of luminance: a colour line.
+Black print has one chromaticity at any luminance; a red word runs from paper to ink. The line of many blocks is known far better
+than the chromaticity of any one of them, whose luminance is filled in and wrong where strokes pass. And it tells the colour of
+strokes that meet no block. It is wrong where there are several colours of one luminance.
 
-So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: the blocks' deviations from the line
-in units of the errors that strokes under the blocks cause, estimated from the range of the panchromatic samples around each block.
-Blocks that no stroke touches are exact, and weigh most: they soon show that a place has more colours than one line. The paper has
+So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: how far the blocks are from the
+line, in units of the errors that strokes under them cause. These are estimated from the range of the panchromatic samples around
+each block. Blocks that no stroke touches are exact: a few of them show that a place has more colours than one line. The paper has
 none of this. All is in units of luminance: channel i counts gamma_i times.
 """
 
@@ -18,14 +18,14 @@ import numpy as np
 from shared.arrays import FloatArray
 
 from ..blocks import Sites
-from ..cleaned import Cleaned
+from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
-from ..measured import ColourLines
+from ..measured import EVEN, ColourLines
 from ..stage_settings import Switch
 
 _WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
 _STROKES = 0.1  # error of luminance under a block, as a share of the range of the samples around it
-_EVEN, _LINEAR = 0.01, 0.1  # share of the light by which colours may depart from a line: in even places; where it is fitted
+_LINEAR = 0.1  # share of the light by which colours may depart from a line where it is fitted
 _CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity
 _DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity
 _OWN, _ESTIMATED, _STEEPNESS = 1.3, 0.7, 6  # chi-squares of samples and of estimated blocks that count by half; their power
@@ -33,6 +33,7 @@ _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black pri
 _RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples
 _DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line
 _TINY = 1e-20  # keeps quotients finite
+_UNKNOWN = 1e-6  # weight of a block beside a clipped sample
 _LEAST_SLOPE = 0.3  # of the sum of a line's slopes, which is 1 without errors of luminance
 
 
@@ -46,19 +47,25 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     sites, gamma = frame.sites, frame.gamma.astype(np.float32)[:, None, None]
     light, seen = (_means(sites, plane) for plane in (luminance, frame.signal))
     seen *= gamma
-    mean = np.maximum(light.mean(axis=0), np.float32(_DARK * frame.level))
+    dark = _DARK * frame.level
+    mean = np.maximum(light.mean(axis=0), np.float32(dark))
     strokes, noise = _errors(frame, mean)
-    even = strokes + (np.float32(_EVEN / len(gamma)) * mean) ** 2
-    lines = _fitted(light, seen, 1 / (even + noise), 1 / (strokes + noise + _linear(mean, len(gamma), frame.level)), noise)
+    even: FloatArray = strokes + (np.float32(EVEN) * mean) ** 2
+    unclipped = unclipped_blocks(frame).astype(np.float32)
+    known = np.maximum(unclipped, np.float32(_UNKNOWN))
+    departure = (np.float32(_LINEAR / len(gamma)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
+    lines = _fitted(light, seen, known / (even + noise), known / (strokes + noise + departure), noise, dark)
     variance, free = even + strokes, len(gamma) - 1  # of luminance, and of the sample
     own = _apart(seen - lines.at(light)) - free * noise
     estimated = _apart(np.moveaxis(sites.whole(blocks), 2, 0) * gamma * mean - lines.at(mean))
     # A sample counts as far as it tells more than noise. Of estimated blocks pooling has taken the noise off.
     informed = (variance / (variance + free * noise)) ** 2
     chi = [np.clip(each / variance, -_WORST, _WORST) for each in (own, estimated)]
-    by_samples, weight, by_estimates = smoothed(np.stack([chi[0] * informed, informed, chi[1]]), _WIDTH)
-    share = np.maximum(_believed(by_samples / weight, _OWN) * weight**2, _believed(by_estimates, _ESTIMATED))
-    return replace(lines, share=share)
+    planes = np.stack([chi[0] * informed, informed, chi[1], np.ones_like(informed)]) * known
+    by_samples, weight, by_estimates, total = smoothed(planes, _WIDTH)
+    told = (weight / total) ** 2
+    share = np.maximum(_believed(by_samples / weight, _OWN) * told, _believed(by_estimates / total, _ESTIMATED))
+    return replace(lines, share=share * unclipped)
 
 
 def _means(sites: Sites, plane: FloatArray) -> FloatArray:
@@ -78,36 +85,41 @@ def _errors(frame: Cleaned, light: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (np.float32(_STROKES / len(gamma)) * span) ** 2, variance
 
 
-def _linear(light: FloatArray, channels: int, level: float) -> FloatArray:
-    """Variance of colours about a line, where a line is fitted to them: (rows, columns)."""
-    return (np.float32(_LINEAR / channels) * light) ** 2 + np.float32(_FAINT * level) ** 2
-
-
-def _fitted(light: FloatArray, seen: FloatArray, exact: FloatArray, weight: FloatArray, noise: FloatArray) -> ColourLines:
+def _fitted(
+    light: FloatArray, seen: FloatArray, exact: FloatArray, weight: FloatArray, noise: FloatArray, dark: float
+) -> ColourLines:
     """Lines by weighted least squares, through the mean of the blocks that no stroke touches.
 
     light, seen: luminance and share of each channel in it, (C, rows, columns).
     exact, weight: precision of the blocks for that mean, and for the slopes, (rows, columns). noise: variance of `seen`.
+    dark: light without a colour.
     """
-    count = len(seen)
-    total, level, *means = smoothed(np.stack([exact, exact * light.mean(axis=0), *(exact * seen)]), _WIDTH)
-    level, means = level / total, np.stack(means) / total
-    mixture = means / means.sum(axis=0)
-    planes = [weight, weight * noise, *(weight * light), *(weight * seen), *(weight * light**2), *(weight * light * seen)]
-    total, noisy, *moments = smoothed(np.stack([*planes, *(weight * seen**2)]), _WIDTH)
-    one, two, square, product, power = np.stack(moments).reshape(5, count, *total.shape) / total
+    total = smoothed(exact, _WIDTH)
+    levels, means = (np.stack([smoothed(exact * plane, _WIDTH) / total for plane in planes]) for planes in (light, seen))
+    # The sites of a channel have their own luminance: on a ramp of one colour only the ratios are the same.
+    lit = levels > dark
+    ratios = np.where(lit, means / np.where(lit, levels, 1), np.float32(1 / len(seen)))
+    level, whole = levels.mean(axis=0), ratios.sum(axis=0)
+    lit = whole > np.float32(_LEAST_SLOPE)
+    mixture = np.where(lit, ratios / np.where(lit, whole, 1), np.float32(1 / len(seen)))
+    total, noisy = smoothed(np.stack([weight, weight * noise]), _WIDTH)
     least = (np.float32(_CONTRAST) * level) ** 2 + noisy / total
-    spread = np.maximum(square - 2 * one * level + level**2, 0) + least
-    together = product - two * level - one * means + level * means
-    slope = (together + least * mixture) / spread
-    rest = np.maximum(power - 2 * two * means + means**2 - slope * together, 0)
+    slope, error = np.empty_like(means), np.zeros_like(total)
+    for channel, (x, y, middle, mean, single) in enumerate(zip(light, seen, levels, means, mixture, strict=True)):
+        planes = (weight * plane for plane in (x, y, x**2, x * y, y**2))  # one at a time, for memory
+        one, two, square, product, power = (smoothed(plane, _WIDTH) / total for plane in planes)
+        spread = np.maximum(square - 2 * one * middle + middle**2, 0) + least
+        together = product - two * middle - one * mean + middle * mean
+        slope[channel] = (together + least * single) / spread
+        rest = np.maximum(power - 2 * two * mean + mean**2 - slope[channel] * together, 0)
+        error += (rest + (np.float32(EVEN) * level) ** 2) / spread
     # How many blocks a line rests on: the square of the weights' sum over the sum of their squares.
     narrow = smoothed(weight**2, _WIDTH / 2**0.5)
     number = (4 * np.pi * _WIDTH**2) * total**2 / narrow
     whole = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPE))
     odd = slope / whole - mixture
     odd -= odd.mean(axis=0)
-    error = (rest / spread).sum(axis=0) / (number * whole**2)
+    error /= number * whole**2
     # James and Stein: what errors may cause is taken off the differences of slopes.
     odd *= np.maximum(1 - np.float32(_DEVIATIONS**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0)
     return ColourLines(-odd * level, mixture + odd, np.ones_like(total))

@@ -42,14 +42,15 @@ MOVED: dict[str, dict[str, Change]] = {
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
     "trust": {"used": (False, None), "tolerance": (0.05, None)},
+    "lines": {"used": (False, None)},
     "settling": {"used": (False, None)},
     "correction": {"used": (False, None)},
     "pinning": {"used": (False, SCATTERED)},
     "learned": {"used": (False, None)},
 }
-# Parts that only a damaged shot has need of.
-BEYOND = ("defects", "highlights")
-_ADDED = {"noise", "denoising", "pooling", "trust", "settling", "correction", "pinning", "learned"}
+# Parts that a damaged shot has need of, whose colours are on a line.
+BEYOND = ("defects", "highlights", "lines")
+_ADDED = {"noise", "denoising", "pooling", "trust", "lines", "settling", "correction", "pinning", "learned"}
 OFF = {"paper": {*BEYOND, *_ADDED}, "best": {"refinement"}}
 
 
@@ -108,11 +109,11 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
 
 
 def every_stage(letters: str | None) -> Mosaic:
-    """A shot that every stage in rows has something to do with: noisy, shaded."""
+    """A shot that every stage in rows has something to do with: noisy, shaded, of materials that are wider than blocks."""
     pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(4, origin=(1, 2))
-    mosaic = shot(pattern, (45, 50), 0.02)
+    mosaic = shot(pattern, (120, 130), 0.005)
     points = 1 + 0.1 * (np.arange(5)[:, None] - 2 + np.zeros(5))  # a ramp, 1 in the middle
-    shading = Shading((points.tolist(),) * len(pattern.planes), (45, 50))
+    shading = Shading((points.tolist(),) * len(pattern.planes), (120, 130))
     return replace(mosaic, calibration=replace(mosaic.calibration, shading=shading))
 
 

@@ -21,11 +21,13 @@ def pin(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
+    believed: DoubleArray,
 ) -> DoubleArray:
     """Chromaticity of every pixel, (H, W, C).
 
     blocks: of every tile of the grid, (rows, columns, C).
     variance: of the noise at the sites of the whole tiles, (rows, columns, S).
+    believed: share of the colour line around each of these, (rows, columns).
     """
     shape = luminance.shape[0], luminance.shape[1]
     whole, weights = sites.whole_blocks(pattern, shape), np.array(gamma)
@@ -34,7 +36,7 @@ def pin(
     error = sites.at_sites(signal, whole) * weights[index] - np.stack([seen[:, :, s, c] for s, c in enumerate(index)], axis=2)
     noise = (variance * weights[index] ** 2).mean(axis=2)
     power = sites.signal_power(error, noise)
-    share = np.where(noise > 0, power / np.maximum(power + constants._CAUTION * noise, 1e-30), 1.0)
+    share = (1 - believed) * np.where(noise > 0, power / np.maximum(power + constants._CAUTION * noise, 1e-30), 1.0)
 
     half, period = (pattern.period - 1) / 2, pattern.period
     origin = np.array(block_corner(pattern, (0, 0))) + half
@@ -58,7 +60,7 @@ def pin(
                     if name == pattern.channels[channel] and luminance[y, x] > 1e-6:
                         bright = luminance[y, x] ** 2 / mean
                         shown, own = power[i, j] * bright, constants._CAUTION * variance[i, j, site] * weights[channel] ** 2
-                        weight[y, x] = min(bright, 1) * (shown / max(shown + own, 1e-30) if own > 0 else 1)
+                        weight[y, x] = (1 - believed[i, j]) * min(bright, 1) * (shown / max(shown + own, 1e-30) if own > 0 else 1)
                         right[y, x] = weight[y, x] * (signal[y, x] / luminance[y, x] - base[y, x, channel])
         matrix = sparse.diags(weight.ravel() + constants._FADING) + smooth
         pinned[..., channel] = base[..., channel] + spsolve(matrix.tocsc(), right.ravel()).reshape(shape)

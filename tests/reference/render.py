@@ -8,7 +8,7 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, denoising, pinning, pooling, propagation, refinement, sites, trust
+from tests.reference import affinity, chromaticity, denoising, lines, pinning, pooling, propagation, refinement, sites, trust
 from tests.reference import luminance as wavelets
 from tests.reference.geometry import block, block_sites, is_whole, letter, patch_counts
 
@@ -72,8 +72,9 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
 
     variance = sites.noise_of(signal, pattern, noise)
     fill_error = sites.fill_errors(light, pattern)
+    fitted = lines.colour_lines(signal, light, coarse, pattern, gamma, noise) if settings.lines.used else None
     if settings.settling.used:
-        light = sites.settle(light, coarse, signal, variance, pattern, gamma)
+        light = sites.settle(light, coarse, signal, variance, pattern, gamma, fitted)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
@@ -81,12 +82,15 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
+    if fitted is not None:
+        refined = lines.on_lines(light, refined, fitted, pattern, gamma)
+    believed = np.zeros(coarse.shape[:2]) if fitted is None else fitted[2]
     rgb = refined * light[..., None]  # Eq. 17
     if settings.pinning.used and block(pattern).height == pattern.period:  # the sites are scattered
-        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma)
+        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma, believed)
         rgb = refined * light[..., None]
     elif settings.correction.used:
-        rgb = sites.correct(light, refined, signal, fill_error, variance, pattern, gamma)
+        rgb = sites.correct(light, refined, signal, fill_error, variance, pattern, gamma, believed)
         light = rgb @ np.array(gamma)
         refined = rgb / light[..., None]
     return Picture(rgb, light, refined)

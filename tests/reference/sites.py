@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 
 from offline import sites as constants
+from offline.measured import EVEN
 from shared import CfaPattern, NoiseModel, site_errors
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur
@@ -95,8 +96,11 @@ def most_probable(
     variance: DoubleArray,
     blocks: list[list[list[tuple[int, int, str]]]],
     pattern: CfaPattern,
+    believed: DoubleArray | None = None,
 ) -> tuple[DoubleArray, DoubleArray]:
     """Errors of luminance, (rows, columns, S), and of colour, (rows, columns, S, C), given the errors of the samples.
+
+    believed: share of the colour line around each block, (rows, columns).
 
     All in units of luminance. The errors are one Gaussian vector: luminance at each site, then every channel at each site.
     """
@@ -111,6 +115,9 @@ def most_probable(
         share = np.mean(colour[place] ** 2)
         bright = min(fill_error[place] ** 2, power[place] / max(share, constants._LEAST_SHARE))
         odd = max(power[place] - bright * share, constants._TINT * power[place]) / (1 - 1 / count)
+        if believed is not None:
+            bright += believed[place] * (power[place] / max(share, constants._LEAST_SHARE) - bright)
+            odd *= 1 - believed[place]
         r = near(blocks[place[0]][place[1]], site_errors._NEAR)
         prior = np.zeros((sites + sites * count,) * 2)
         prior[:sites, :sites] = bright * r
@@ -132,19 +139,28 @@ def settle(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
+    lines: tuple[DoubleArray, DoubleArray, DoubleArray] | None = None,
 ) -> DoubleArray:
     """Luminance, (H, W), with its most probable errors at the colour sites taken off.
 
     coarse: final chromaticities of the whole blocks, (rows, columns, C).
     variance: of the noise at each site, (rows, columns, S).
+    lines: colour lines, see `tests.reference.lines`.
     """
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
     index = [pattern.channels.index(name) for _, _, name in blocks[0][0]]
     weight = np.array(gamma)[index]
     colour = coarse[..., index] * weight
     light, samples = at_sites(luminance, blocks), at_sites(signal, blocks)
-    error = samples * weight - colour * light
-    delta, _ = most_probable(error, colour, fill_errors(luminance, pattern), variance * weight**2, blocks, pattern)
+    shown, share = colour * light, None
+    if lines is not None:
+        share, line = lines[2], lines[0][..., index] + lines[1][..., index] * light
+        far = np.maximum(((line - shown) ** 2).mean(axis=2), 1e-30)
+        believed = (share * np.maximum(1 - EVEN**2 * (light**2).mean(axis=2) / far, 0))[..., None]
+        shown = (1 - believed) * shown + believed * line
+        colour = (1 - believed) * colour + believed * lines[1][..., index]
+    error = samples * weight - shown
+    delta, _ = most_probable(error, colour, fill_errors(luminance, pattern), variance * weight**2, blocks, pattern, share)
     settled = luminance.copy()
     for row, values in zip(blocks, delta, strict=True):
         for sites, each in zip(row, values, strict=True):
@@ -166,6 +182,7 @@ def correct(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
+    believed: DoubleArray | None = None,
 ) -> DoubleArray:
     """The picture, (H, W, C), with what it misses at the sites of each block shared out among all channels there."""
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
@@ -176,7 +193,7 @@ def correct(
     colour = np.stack([here[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     seen = np.stack([at_sites(rgb * weights, blocks)[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     error = at_sites(signal, blocks) * weights[index] - seen
-    light, tints = most_probable(error, colour, fill_error, variance * weights[index] ** 2, blocks, pattern)
+    light, tints = most_probable(error, colour, fill_error, variance * weights[index] ** 2, blocks, pattern, believed)
     for row, column in product(range(len(blocks)), range(len(blocks[0]))):
         for site, (y, x, _) in enumerate(blocks[row][column]):
             after = luminance[y, x] + light[row, column, site]

@@ -16,16 +16,10 @@ def trust_in_blocks(
     signal: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel | None, agreement: float
 ) -> DoubleArray:
     """0 to 1 for each whole block, (rows, columns)."""
-    found = block(pattern)
     totals, lights = [], []
     for row in whole_blocks(pattern, (signal.shape[0], signal.shape[1])):
         for sites in row:
-            top, left = min(y for y, _, _ in sites), min(x for _, x, _ in sites)
-            ring = [
-                (y, x)
-                for y, x in product(range(top - 1, top + found.height + 1), range(left - 1, left + found.width + 1))
-                if 0 <= y < signal.shape[0] and 0 <= x < signal.shape[1] and letter(pattern, y, x) == "W"
-            ]
+            ring = ring_of(sites, pattern, (signal.shape[0], signal.shape[1]))
             means = []
             for y, x, _ in sites:
                 weights = [1 / ((y - down) ** 2 + (x - right) ** 2) for down, right in ring]
@@ -39,6 +33,13 @@ def trust_in_blocks(
     rows = len(whole_blocks(pattern, (signal.shape[0], signal.shape[1])))
     trust: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
     return trust
+
+
+def ring_of(sites: list[tuple[int, int, str]], pattern: CfaPattern, shape: tuple[int, int]) -> list[tuple[int, int]]:
+    """The panchromatic pixels in a block and next to it."""
+    found, top, left = block(pattern), min(y for y, _, _ in sites), min(x for _, x, _ in sites)
+    area = product(range(top - 1, top + found.height + 1), range(left - 1, left + found.width + 1))
+    return [(y, x) for y, x in area if 0 <= y < shape[0] and 0 <= x < shape[1] and letter(pattern, y, x) == "W"]
 
 
 def _noise(pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, light: float) -> float:

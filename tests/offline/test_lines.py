@@ -1,0 +1,126 @@
+"""Colour lines: equal to the reference, right for print of any colour, and silent where one luminance has several colours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline import BEST, render
+from offline.measured import ColourLines
+from offline.parts import Part
+from offline.rows.lines import OnLines
+from offline.whole.chromaticity import block_sums
+from offline.whole.colour_lines import colour_lines
+from shared import CfaPattern, Mosaic, NoiseModel
+from shared.arrays import DoubleArray
+from tests.offline.scenes import cleaned, every_case, gamma_of, sampled
+from tests.reference import lines as reference
+from tests.reference.chromaticity import extend
+from tests.reference.compare import assert_close
+from tests.reference.sensor import luminance_of, observe
+
+# Sums of float32 whose differences are the contrast of luminance: where blocks are few, that is a hundredth of them.
+FLOAT32 = 3e-3
+
+
+def strokes(shape: tuple[int, int], seed: int = 0) -> DoubleArray:
+    """How much ink there is at every pixel, 0 to 1, (H, W): thin lines of all directions."""
+    random, (rows, columns) = np.random.default_rng(seed), np.indices(shape)
+    ink = np.zeros(shape)
+    for _ in range(shape[0] * shape[1] // 60):
+        y, x, angle = random.uniform(0, shape[0]), random.uniform(0, shape[1]), random.uniform(0, np.pi)
+        along = (rows - y) * np.sin(angle) + (columns - x) * np.cos(angle)
+        aside = np.abs((columns - x) * np.sin(angle) - (rows - y) * np.cos(angle))
+        ink = np.maximum(ink, np.clip(1.5 - aside, 0, 1) * (np.abs(along) < random.uniform(2, 6)))
+    return ink
+
+
+def printed(shape: tuple[int, int], ink: DoubleArray, paper: DoubleArray) -> DoubleArray:
+    """A scene, (H, W, C)."""
+    covered = strokes(shape)[..., None]
+    scene: DoubleArray = covered * ink + (1 - covered) * paper
+    return scene
+
+
+def shot_of(scene: DoubleArray, pattern: CfaPattern, sigma: float | None) -> Mosaic:
+    """Its mosaic; the calibration knows the noise."""
+    noise = None if sigma is None else np.random.default_rng(1).normal(scale=sigma, size=scene.shape[:2])
+    return observe(scene, pattern, gamma_of(pattern), sigma, noise)
+
+
+@every_case
+@pytest.mark.parametrize("sigma", [None, 0.02])
+def test_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+    count = len(pattern.channels)
+    scene = printed(shape, np.linspace(0.5, 0.1, count), np.full(count, 0.8))
+    mosaic, frame = (found := shot_of(scene, pattern, sigma)), cleaned(found)
+    gamma, signal = mosaic.calibration.gamma, mosaic.signal.astype(np.float64)
+    light = luminance_of(scene, gamma) * np.random.default_rng(2).uniform(0.95, 1.05, shape)
+    coarse = block_sums(frame, light.astype(np.float32)).solved(1e-3, np.array(gamma))
+    blocks = extend(coarse, pattern, shape).astype(np.float32)
+    expected = reference.colour_lines(signal, light, coarse, pattern, gamma, mosaic.calibration.noise)
+    lines = colour_lines(frame, light.astype(np.float32), blocks, BEST.lines)
+    assert lines is not None
+    assert_close(np.moveaxis(lines.offset, 0, 2), expected[0], FLOAT32)
+    assert_close(np.moveaxis(lines.slope, 0, 2), expected[1], FLOAT32)
+    assert_close(lines.share, expected[2], FLOAT32)
+    shares = np.random.default_rng(3).uniform(0, 1, lines.share.shape).astype(np.float32)
+    colour = scene / luminance_of(scene, gamma)[..., None]
+    part = Part(0, light.astype(np.float32), colour.astype(np.float32))
+    samples = sampled(mosaic, part.luminance)
+    stage = OnLines(samples.sites, replace(lines, share=shares), np.array(gamma, np.float32))
+    shown = stage(part, (0, shape[0])).chromaticity
+    told = expected[0], expected[1], shares.astype(np.float64)
+    assert_close(shown, reference.on_lines(light, colour, told, pattern, gamma), FLOAT32)
+    assert_close(shown @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
+    assert np.array_equal(stage(part, (1, 3)).chromaticity, shown[1:3])
+
+
+def lines_of(scene: DoubleArray, pattern: CfaPattern) -> ColourLines:
+    """The lines of a scene whose luminance is known."""
+    mosaic = observe(scene, pattern)
+    frame, light = cleaned(mosaic), luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
+    coarse = block_sums(frame, light).solved(1e-6, frame.gamma)
+    found = colour_lines(frame, light, extend(coarse, pattern, mosaic.shape).astype(np.float32), BEST.lines)
+    assert found is not None
+    return found
+
+
+def test_print_has_the_colours_of_ink_and_paper() -> None:
+    """Ink and paper of known luminance: the line goes through both, and is believed."""
+    ink, paper = np.array([0.5, 0.1, 0.1]), np.array([0.7, 0.8, 0.6])
+    lines = lines_of(printed((150, 150), ink, paper), CfaPattern.bayer(6))
+    for colour in (ink, paper):
+        assert np.abs(lines.at(np.full_like(lines.share, colour.sum())) - colour[:, None, None]).max() < 0.01
+    assert lines.share.min() > 0.9
+
+
+def test_several_colours_of_one_luminance_are_no_line() -> None:
+    colours = np.random.default_rng(0).uniform(0.2, 1, (15, 15, 3)).repeat(10, axis=0).repeat(10, axis=1)
+    lines = lines_of(colours / colours.sum(axis=2, keepdims=True), CfaPattern.bayer(6))
+    assert lines.share.max() < 0.1
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.parametrize("letters", ["RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW", "kodak"])
+def test_black_print_stays_black(letters: str, sigma: float) -> None:
+    pattern, shape = CfaPattern.of_letters(letters), (240, 240)
+    scene = printed(shape, np.full(3, 0.06), np.full(3, 0.8))
+    mosaic = observe(scene, pattern, noise=np.random.default_rng(1).normal(scale=sigma, size=shape) if sigma else None)
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
+    rgb = render(mosaic, replace(BEST, learned=replace(BEST.learned, used=False))).rgb
+    tint = np.abs(rgb - rgb.mean(axis=2, keepdims=True)).max(axis=2)
+    assert np.quantile(tint, 0.999) < (0.15 if sigma else 0.09)
+    assert sigma or tint.max() < 0.2
+
+
+def test_what_is_clipped_is_on_no_line() -> None:
+    scene = printed((90, 90), np.full(3, 0.06), np.full(3, 0.8))
+    scene[:, 60:] = 2.0
+    mosaic = observe(scene, CfaPattern.bayer(6))
+    light = luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
+    blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
+    lines = colour_lines(cleaned(mosaic, clipping=5.0), light, blocks, BEST.lines)
+    assert lines is not None
+    assert not lines.share[:, 10:].any()
+    assert lines.share[:, :8].min() > 0.9

@@ -1,0 +1,118 @@
+"""Colour lines, block by block in float64: weighted least squares around each block, and what one is believed."""
+
+import numpy as np
+
+from offline.measured import EVEN
+from offline.whole import colour_lines as constants
+from shared import CfaPattern, NoiseModel
+from shared.arrays import DoubleArray
+from tests.reference.gaussian import blur
+from tests.reference.geometry import block_corner, is_whole, patch_counts
+from tests.reference.sites import at_sites, whole_blocks
+from tests.reference.trust import ring_of
+
+Lines = tuple[DoubleArray, DoubleArray, DoubleArray]
+"""Offset and slope of each channel in units of luminance, (rows, columns, C), and the share of each line, (rows, columns)."""
+
+
+def colour_lines(
+    signal: DoubleArray,
+    luminance: DoubleArray,
+    coarse: DoubleArray,
+    pattern: CfaPattern,
+    gamma: tuple[float, ...],
+    noise: NoiseModel | None,
+) -> Lines:
+    """The lines around all whole blocks. coarse: their estimated chromaticities, (rows, columns, C). Nothing is clipped."""
+    blocks, weights, count = whole_blocks(pattern, (signal.shape[0], signal.shape[1])), np.array(gamma), len(gamma)
+    shape, names = (len(blocks), len(blocks[0])), [name for _, _, name in blocks[0][0]]
+    members = np.array([[float(name == channel) for name in names] for channel in pattern.channels])
+    means = members / members.sum(axis=1, keepdims=True)
+    light = (at_sites(luminance, blocks) @ means.T).reshape(-1, count)
+    samples = at_sites(signal, blocks)
+    seen = (samples @ means.T).reshape(-1, count) * weights
+    clear = [value for (y, x), value in np.ndenumerate(signal) if pattern.panchromatic_mask((1, 1), (y, x))[0, 0]]
+    level = float(np.mean(clear))
+    mean = np.maximum(light.mean(axis=1), constants._DARK * level)
+    span = np.array([np.ptp([signal[place] for place in ring_of(sites, pattern, signal.shape)]) for row in blocks for sites in row])
+    variance = np.zeros(len(mean))
+    if noise is not None:
+        span = np.maximum(span - constants._RANGE * np.array([noise.sigma(each) for each in mean]), 0)
+        of_site = np.array([[noise.sigma(value, pattern.channels.index(name)) ** 2 for value, name in zip(each, names, strict=True)]
+                            for each in samples.reshape(-1, len(names))])  # fmt: skip
+        variance = (of_site @ (means**2).T * weights**2).mean(axis=1)
+    strokes = (constants._STROKES * span / count) ** 2
+    even = strokes + (EVEN * mean) ** 2
+    rough = strokes + variance + (constants._LINEAR * mean / count) ** 2 + (constants._FAINT * level) ** 2
+
+    near = _nearness(shape)
+    offset, slope = np.zeros_like(seen), np.zeros_like(seen)
+    for here in range(len(mean)):
+        exact, weight = near[here] / (even + variance), near[here] / rough
+        middle, through = np.average(light, axis=0, weights=exact), np.average(seen, axis=0, weights=exact)
+        mixture, x, y = (through / middle) / (through / middle).sum(), light - middle, seen - through
+        least = (constants._CONTRAST * middle.mean()) ** 2 + np.average(variance, weights=weight)
+        spread = np.average(x**2, axis=0, weights=weight) + least
+        steep = (np.average(x * y, axis=0, weights=weight) + least * mixture) / spread
+        rest = np.maximum(np.average(y**2, axis=0, weights=weight) - steep * np.average(x * y, axis=0, weights=weight), 0)
+        # The sum of squared weights, where a Gaussian squared is a narrower Gaussian.
+        squares = (_nearness(shape, constants._WIDTH / np.sqrt(2))[here] / rough**2).sum() / (4 * np.pi * constants._WIDTH**2)
+        whole = max(steep.sum(), constants._LEAST_SLOPE)
+        odd = steep / whole - mixture
+        odd -= odd.mean()
+        rest += (EVEN * middle.mean()) ** 2
+        error = (rest / spread).sum() * squares / weight.sum() ** 2 / whole**2
+        if odd.any():
+            odd *= max(1 - constants._DEVIATIONS**2 * error / (odd @ odd), 0)
+        offset[here], slope[here] = -odd * middle.mean(), mixture + odd
+
+    def apart(colours: DoubleArray) -> DoubleArray:
+        return ((colours - colours.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)  # type: ignore[no-any-return]
+
+    expected = even + strokes
+    own = (apart(seen - offset - slope * light) - (count - 1) * variance) / expected
+    estimated = apart(coarse.reshape(-1, count) * weights * mean[:, None] - offset - slope * mean[:, None]) / expected
+    informed = (expected / (expected + (count - 1) * variance)) ** 2
+    told = near @ informed
+    chi = near @ (informed * own.clip(-constants._WORST, constants._WORST)) / told, near @ estimated.clip(None, constants._WORST)
+    shares = [1 / (1 + (np.maximum(each, 0) / limit) ** 6) for each, limit in zip(chi, (1.3, 0.7), strict=True)]
+    share = np.maximum(shares[0] * told**2, shares[1])
+    return offset.reshape(*shape, count), slope.reshape(*shape, count), share.reshape(shape)
+
+
+def on_lines(
+    light: DoubleArray, chromaticity: DoubleArray, lines: Lines, pattern: CfaPattern, gamma: tuple[float, ...]
+) -> DoubleArray:
+    """Chromaticity of every pixel, (H, W, C), taken to the lines as far as they are believed."""
+    offset, slope, share = lines
+    shape, weights = (light.shape[0], light.shape[1]), np.array(gamma)
+    down, across = patch_counts(pattern, shape)
+    first = next((i, j) for i in range(down + 1) for j in range(across + 1) if is_whole(pattern, shape, (i, j)))
+    middle = np.array(block_corner(pattern, first)) + (np.array(pattern.block_shape) - 1) / 2
+    result = chromaticity.copy()
+    for y, x in np.ndindex(*shape):
+        place = (np.array([y, x]) - middle) / pattern.period
+        believed = _between(share, place)
+        line = _between(share[..., None] * offset, place) + light[y, x] * _between(share[..., None] * slope, place)
+        colour = np.maximum(line, 0)
+        if believed > 1e-3 and colour.sum() > believed * light[y, x] / 2:
+            apart = colour / colour.sum() / weights - chromaticity[y, x]
+            result[y, x] += believed * max(1 - EVEN**2 / max(((weights * apart) ** 2).sum(), 1e-30), 0) * apart
+    return result
+
+
+def _between(values: DoubleArray, place: DoubleArray) -> DoubleArray:
+    """Bilinear interpolation of (rows, columns, ...), constant beyond the outermost values."""
+    for step in place:
+        at = min(max(step, 0), len(values) - 1)
+        low = int(at)
+        high = min(low + 1, len(values) - 1)
+        values = (1 - at + low) * values[low] + (at - low) * values[high]
+    return values
+
+
+def _nearness(shape: tuple[int, int], width: float = constants._WIDTH) -> DoubleArray:
+    """The weight of every block around every other, (blocks, blocks): the frame is mirrored."""
+    blocks = shape[0] * shape[1]
+    columns = [blur(each.reshape(shape), width).ravel() for each in np.eye(blocks)]
+    return np.stack(columns, axis=1)
