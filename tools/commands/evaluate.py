@@ -61,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"
     )
+    what.add_argument(
+        "--rival",
+        nargs="+",
+        default=[],
+        metavar="FILE.onnx",
+        help="compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed",
+    )
     what.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
@@ -123,7 +130,10 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
 
     protocol, wanted = protocol_of(arguments)
     levels = protocol.levels(wanted)
-    methods = choose(arguments.methods or default_names())
+    if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
+        raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
+    rivals = map(absolute_path, arguments.rival) if uses_scheduler(arguments) else arguments.rival
+    methods = choose([*(arguments.methods or default_names()), *rivals])
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     tiles = _tiles(arguments)

@@ -21,6 +21,11 @@ Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
 
 
+def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
+    """The picture, (H, W, 3), of white-balanced samples, with the balance undone. white: what white reads, (3,)."""
+    return demosaic(samples / white[channel_map(samples.shape)]) * white
+
+
 @dataclass(frozen=True, eq=False)
 class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
@@ -68,11 +73,18 @@ class CameraPair:
             if denoise not in self._denoised:
                 self._denoised[denoise] = denoise(samples, self.bayer.shot, self.bayer.read)
             samples = self._denoised[denoise]
-        if not balanced or self.neutral is None:
-            return demosaic(samples)
-        white = np.array(self.neutral, np.float32)
+        return with_balance(demosaic, samples, self._white) if balanced else demosaic(samples)
+
+    def render_shot(self, method: Callable[[BayerShot, FloatArray], FloatArray]) -> FloatArray:
+        """Render the Bayer shot by a method that is told its noise and what white reads. Returns float32 (H, W, 3), scene units."""
+        return method(self.bayer, self._white)
+
+    @property
+    def _white(self) -> FloatArray:
+        """What white reads, largest channel 1; all 1 where it is unknown."""
+        white = np.array(self.neutral or (1.0, 1.0, 1.0), np.float32)
         white /= white.max()
-        return demosaic(samples / white[channel_map(samples.shape)]) * white
+        return white
 
     @property
     def _filters(self) -> Filters:

@@ -21,6 +21,7 @@ class Method:
     sparse: whether it renders shots of the sparse-colour camera, of any pattern.
     balanced: a rival that gets white-balanced samples.
     denoise: applied to a rival's samples first.
+    whole_shot: whether a rival's function gets the `BayerShot`, with its noise, and what white reads, instead of the samples.
     packages: distributions that it needs; results depend on their versions, too. extra: of ours, which installs them.
     seconds: rough duration per megapixel, from which the time left is estimated.
     """
@@ -33,6 +34,7 @@ class Method:
     sparse: bool = False
     balanced: bool = False
     denoise: Denoise | None = None
+    whole_shot: bool = False
     packages: tuple[str, ...] = ()
     extra: str = "evaluation"
     seconds: float = 1.0
@@ -69,4 +71,6 @@ class Method:
         """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
         if self.sparse:
             return cameras.render_sparse(self.function)
+        if self.whole_shot:
+            return cameras.render_shot(self.function)
         return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)

@@ -7,7 +7,7 @@ from shared.spelling import meant
 
 from . import ours
 from .method import Method
-from .rivals import bilinear, colour_demosaicing, demosaicnet, denoising, dlmmse, libraw, opencv, plane_denoising, planes
+from .rivals import bilinear, colour_demosaicing, demosaicnet, denoising, dlmmse, libraw, network, opencv, plane_denoising, planes
 
 _RIVALS = (planes, plane_denoising, bilinear, colour_demosaicing, dlmmse, libraw, opencv, demosaicnet, denoising)
 BASELINES = {
@@ -18,10 +18,19 @@ BASELINES = {
 """Methods that anyone can use with the shot of any pattern, and what they are."""
 
 
+class _Methods(dict[str, Method]):
+    """The methods, and those of networks by the names of their files: every process that is told a name finds its method."""
+
+    def __missing__(self, name: str) -> Method:
+        if not name.endswith(network.ENDING):
+            raise KeyError(name)
+        return self.setdefault(name, network.network(name))
+
+
 @cache
 def methods() -> dict[str, Method]:
-    """All methods by name: ours, then the others for any pattern, then those of a Bayer camera."""
-    return {method.name: method for module in (ours, *_RIVALS) for method in module.METHODS}
+    """All methods by name: ours, then the others for any pattern, then those of a Bayer camera; and any network by its file's."""
+    return _Methods((method.name, method) for module in (ours, *_RIVALS) for method in module.METHODS)
 
 
 def default_names() -> list[str]:
@@ -38,7 +47,7 @@ def choose(names: list[str]) -> list[Method]:
     """Methods by name, each once. Raises InputError for an unknown name, or one whose package is not installed."""
     chosen = []
     for name in dict.fromkeys(names):
-        if name not in methods():
+        if name not in methods() and not name.endswith(network.ENDING):
             raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}{meant(name, methods())}")
         method = methods()[name]
         if method.missing:

@@ -1,0 +1,88 @@
+"""Anybody's network: fed as its description says, any order and size; what is wrong is said with the file's name."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from onnx import TensorProto, helper, numpy_helper, save
+
+from shared.errors import InputError
+from tools.camera.bayer import sample_bayer
+from tools.camera.protocols.protocol import BayerShot
+from tools.evaluation.methods import choose, methods
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.scenes.drawn.builtin import builtin_scene
+
+WHITE = np.array([0.5, 1.0, 0.8], np.float32)
+QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green
+
+
+def network(folder: Path, weights: np.ndarray, blocks: int, **said: Any) -> str:
+    """A convolution with these weights, its planes then put into blocks x blocks pixels each; and its description."""
+    nodes = [helper.make_node("Conv", ["x", "w"], ["c"]), helper.make_node("DepthToSpace", ["c"], ["y"], blocksize=blocks)]
+    sizes = [[1, each, None, None] for each in (weights.shape[1], 3)]
+    ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, size) for name, size in zip("xy", sizes, strict=True)]
+    graph = helper.make_graph(nodes, "g", ends[:1], ends[1:], [numpy_helper.from_array(weights.astype(np.float32), "w")])
+    save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8), folder / "mine.onnx")
+    (folder / "mine.json").write_text(json.dumps(said))
+    return str(folder / "mine.onnx")
+
+
+def of_quads(folder: Path, red: list[float], **said: Any) -> str:
+    """Every pixel of a quad has its mean colour; red is that of the five planes weighted so."""
+    weights = np.zeros((12, 5, 1, 1))
+    for plane in range(4):
+        weights[plane * 3 : plane * 3 + 3, :, 0, 0] = np.array([red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]])
+    return network(folder, weights, 2, **said)
+
+
+@pytest.mark.parametrize("shape", [(61, 80), (330, 75)])
+@pytest.mark.parametrize("order", ["RGGB", "GRBG", "GBRG", "BGGR"])
+def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(tmp_path: Path, order: str, shape: tuple[int, int]) -> None:
+    weights = np.zeros((3, 3, 3, 3))
+    cross, ring = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4, np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
+    for channel in range(3):
+        weights[channel, channel] = cross if channel == 1 else ring
+    path = network(tmp_path, weights, 1, order=order, inputs={"x": {"form": "sparse"}})
+    mosaic = sample_bayer(builtin_scene(340, 340).rgb[: shape[0], : shape[1]])
+    found = methods()[path].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
+    np.testing.assert_allclose(found[2:-2, 2:-2], demosaic_bilinear(mosaic)[2:-2, 2:-2], atol=1e-5)
+
+
+def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
+    """Quads in the network's own order, coded, with a bias that the last plane's weight takes off again."""
+    fed = {"x": {**QUADS["x"], "add": [-0.25, 0, 0, 0], "noise": True}}
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", gamma=2.2, offset=0.01, inputs=fed)
+    rgb = np.broadcast_to(np.array([0.3, 0.5, 0.2], np.float32), (40, 44, 3))
+    found = methods()[path].function(BayerShot(sample_bayer(rgb), 0.0, 0.0), WHITE)
+    np.testing.assert_allclose(found[..., 1:], rgb[..., 1:], atol=1e-5)
+    low, high = 0.01 ** (1 / 2.2), 1.01 ** (1 / 2.2)
+    code = ((0.3 / 0.5 + 0.01) ** (1 / 2.2) - low) / (high - low) - 0.25
+    np.testing.assert_allclose(found[..., 0], 0.5 * ((code * (high - low) + low) ** 2.2 - 0.01), atol=1e-5)
+
+
+@pytest.mark.parametrize(("shot", "read"), [(0.0, 0.02), (0.004, 0.0)])
+def test_noise_is_that_of_balanced_samples(tmp_path: Path, shot: float, read: float) -> None:
+    path = of_quads(tmp_path, [0, 0, 0, 0, 1], order="GRBG", inputs=QUADS)
+    grey = np.full((40, 44), 0.25, np.float32)
+    found = methods()[path].function(BayerShot(grey, shot, read), np.ones(3, np.float32))[..., 0]
+    np.testing.assert_allclose(found, (shot * 0.25 + read**2) ** 0.5, rtol=1e-4)
+
+
+def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"mine\.onnx"):
+        choose([str(tmp_path / "mine.onnx")])
+    for said, wrong in (
+        ({"order": "RGB", "inputs": QUADS}, "`order`"),
+        ({"inputs": {"x": {"form": "cubes"}}}, "`form`"),
+        ({"inputs": QUADS, "gain": 2}, "gain"),
+        ({}, "inputs"),
+    ):
+        path = of_quads(tmp_path, [1, 0, 0, 0, 0], **said)
+        with pytest.raises(InputError, match=rf"mine\.json.*{wrong}"):
+            choose([path])
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], inputs={"x": {"form": "sparse"}})
+    with pytest.raises(InputError, match=r"mine\.onnx: does not take"):
+        methods()[path].function(BayerShot(np.ones((40, 40), np.float32), 0.0, 0.0), WHITE)

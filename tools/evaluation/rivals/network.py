@@ -1,0 +1,166 @@
+"""Anybody's network for Bayer mosaics: an ONNX file, and beside it a JSON file that says how it is fed.
+
+README.md beside `tools/evaluation` documents the fields. The network is given what its authors trained it for: their order of the
+filters, their packing, their code for light, white balance and the noise. None of its code is needed.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shared.arrays import BORDER, DoubleArray, FloatArray
+from shared.errors import InputError
+from shared.reading import read_text, read_whole
+from tools.camera.bayer import channel_map, check_mosaic
+from tools.camera.protocols.protocol import BayerShot
+
+from ..method import Method
+
+_ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}
+_FORMS = "quads", "sparse", "mosaic"
+_ROWS = 256  # of a piece
+_AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
+_LARGEST = 1 << 30  # bytes of a file
+_DARK = 1e-3  # share of white: nearer to black the code is so steep that no network knows the noise there
+ENDING = ".onnx"
+
+
+@dataclass(frozen=True)
+class Contract:
+    """How a network is fed; `inputs` by name, each with `form`, and as it needs them `sites`, `add`, `noise` and `crop`."""
+
+    inputs: dict[str, dict[str, Any]]
+    order: str = "RGGB"
+    balanced: bool = True
+    gamma: float = 1.0
+    offset: float = 0.0
+    margin: int = 64
+
+    def __post_init__(self) -> None:
+        if self.order not in _ORDERS:
+            raise InputError(f"`order` is {self.order!r}, expected one of {', '.join(_ORDERS)}")
+        if not (self.gamma > 0 and self.offset >= 0 and self.margin > 0 and self.margin % 2 == 0):
+            raise InputError("expected `gamma` above 0, `offset` of 0 or more, and an even `margin` above 0")
+        for name, each in self.inputs.items():
+            if each.get("form") not in _FORMS or not each.keys() <= {"form", "sites", "add", "noise", "crop"}:
+                raise InputError(
+                    f"input {name!r} is {each}, expected `form` ({', '.join(_FORMS)}), `sites`, `add`, `noise`, `crop`"
+                )
+
+    def encode(self, light: DoubleArray) -> DoubleArray:
+        """The code of light, 0 to 1 for 0 to 1."""
+        if self.gamma == 1:
+            return light
+        low, span = self._ends
+        return (np.maximum(light + self.offset, 0) ** (1 / self.gamma) - low) / span
+
+    def decode(self, code: DoubleArray) -> DoubleArray:
+        """Inverse of `encode`."""
+        if self.gamma == 1:
+            return code
+        low, span = self._ends
+        return np.maximum(code * span + low, 0) ** self.gamma - self.offset
+
+    def steepness(self, light: DoubleArray) -> DoubleArray:
+        """Derivative of `encode`."""
+        if self.gamma == 1:
+            return np.ones_like(light)
+        steep: DoubleArray = np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / (self.gamma * self._ends[1])
+        return steep
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """The root of black, and how far that of white is above it."""
+        low = self.offset ** (1 / self.gamma)
+        return low, (1 + self.offset) ** (1 / self.gamma) - low
+
+
+def network(path: str) -> Method:
+    """The method of a network. Raises InputError, which names the file that is missing or wrong and says what was expected."""
+    said = Path(path).with_suffix(".json")
+    try:
+        model = read_whole(path, _LARGEST, "a network")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    try:
+        text = read_text(said, _LARGEST, "a description of a network")
+        contract = Contract(**json.loads(text))
+    except (InputError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{said}: does not say how the network is fed: {error}") from error
+    return Method(
+        path,
+        f"Bayer, {Path(path).stem}",
+        partial(_demosaicked, path, contract),
+        hashlib.sha256(model + text.encode()).hexdigest()[:16],
+        balanced=contract.balanced,
+        whole_shot=True,
+        packages=("onnxruntime",),
+        seconds=10,
+    )
+
+
+def _demosaicked(path: str, contract: Contract, shot: BayerShot, white: FloatArray) -> FloatArray:
+    """The network's picture, float32 (H, W, 3), scene units. white: what white reads, (3,). Raises InputError, naming the file."""
+    from scipy.ndimage import gaussian_filter
+
+    check_mosaic(shot.samples)
+    (height, width), (down, right), margin = shot.samples.shape, _ORDERS[contract.order], contract.margin
+    gain = white[channel_map(shot.samples.shape)]
+    level = gaussian_filter(shot.samples.astype(np.float64), _AROUND, mode="mirror")
+    deviation = np.sqrt(shot.shot * level.clip(0) + shot.read**2) / gain
+    codes = contract.encode(shot.samples / gain.astype(np.float64))
+    noise = gaussian_filter(deviation * contract.steepness(level / float(white.mean())), _AROUND)
+    pads = (margin + down, margin + (height + down) % 2), (margin + right, margin + (width + right) % 2)
+    wide, spread = (np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise))
+    filters = channel_map((wide.shape[0] + down, wide.shape[1] + right))[down:, right:]
+    picture = np.empty((3, wide.shape[0] - 2 * margin, wide.shape[1] - 2 * margin))
+    for top in range(0, picture.shape[1], _ROWS):
+        end = min(top + _ROWS, picture.shape[1])
+        rows = slice(top, end + 2 * margin)
+        inputs = {name: _packed(each, wide[rows], spread[rows], filters[rows]) for name, each in contract.inputs.items()}
+        found = _run(path, inputs)
+        edge = (end - top + 2 * margin - found.shape[1]) // 2  # what the convolutions have eaten
+        if edge < 0 or edge > margin:
+            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger `margin` may help")
+        picture[:, top:end] = found[:, margin - edge : margin - edge + end - top, margin - edge : margin - edge + picture.shape[2]]
+    light = contract.decode(picture[:, down : down + height, right : right + width])
+    return np.ascontiguousarray(light.transpose(1, 2, 0) * white, np.float32)
+
+
+def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: Any) -> FloatArray:
+    """One input of the network, (1, planes, h, w)."""
+    planes = [codes]
+    if form["form"] == "quads":
+        quads = [codes[site // 2 :: 2, site % 2 :: 2] for site in form.get("sites", (0, 1, 2, 3))]
+        planes, noise = quads, noise[::2, ::2]
+    elif form["form"] == "sparse":
+        planes = [codes * (filters == channel) for channel in range(3)]
+    added = [plane + np.float32(each) for plane, each in zip(planes, form.get("add", [0.0] * len(planes)), strict=True)]
+    crop = int(form.get("crop", 0))
+    stacked = np.stack([*added, noise] if form.get("noise") else added)
+    return np.ascontiguousarray(stacked[None, :, crop : stacked.shape[1] - crop, crop : stacked.shape[2] - crop])
+
+
+def _run(path: str, inputs: dict[str, FloatArray]) -> FloatArray:
+    try:
+        (found,) = _session(path).run(None, inputs)
+        return np.asarray(found[0], np.float32).reshape(3, *found.shape[-2:])
+    except InputError:
+        raise
+    except Exception as error:  # onnxruntime's errors have no common base
+        raise InputError(f"{path}: does not take what its JSON file says ({error})") from error
+
+
+@cache
+def _session(path: str) -> Any:
+    from shared.runtime import session
+
+    try:
+        return session(Path(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
