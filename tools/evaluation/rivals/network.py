@@ -32,7 +32,7 @@ ENDING = ".onnx"
 
 @dataclass(frozen=True)
 class Contract:
-    """How a network is fed; `inputs` by name, each with `form`, and as it needs them `sites`, `add`, `noise` and `crop`."""
+    """How a network is fed; 'inputs' by name, each with 'form', and as it needs them 'sites', 'add', 'noise' and 'crop'."""
 
     inputs: dict[str, dict[str, Any]]
     order: str = "RGGB"
@@ -43,13 +43,13 @@ class Contract:
 
     def __post_init__(self) -> None:
         if self.order not in _ORDERS:
-            raise InputError(f"`order` is {self.order!r}, expected one of {', '.join(_ORDERS)}")
+            raise InputError(f"'order' is {self.order!r}, expected one of {', '.join(_ORDERS)}")
         if not (self.gamma > 0 and self.offset >= 0 and self.margin > 0 and self.margin % 2 == 0):
-            raise InputError("expected `gamma` above 0, `offset` of 0 or more, and an even `margin` above 0")
+            raise InputError("expected 'gamma' above 0, 'offset' of 0 or more, and an even 'margin' above 0")
         for name, each in self.inputs.items():
             if each.get("form") not in _FORMS or not each.keys() <= {"form", "sites", "add", "noise", "crop"}:
                 raise InputError(
-                    f"input {name!r} is {each}, expected `form` ({', '.join(_FORMS)}), `sites`, `add`, `noise`, `crop`"
+                    f"input {name!r} is {each}, expected 'form' ({', '.join(_FORMS)}), 'sites', 'add', 'noise', 'crop'"
                 )
 
     def encode(self, light: DoubleArray) -> DoubleArray:
@@ -126,7 +126,7 @@ def _demosaicked(path: str, contract: Contract, shot: BayerShot, white: FloatArr
         found = _run(path, inputs)
         edge = (end - top + 2 * margin - found.shape[1]) // 2  # what the convolutions have eaten
         if edge < 0 or edge > margin:
-            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger `margin` may help")
+            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
         picture[:, top:end] = found[:, margin - edge : margin - edge + end - top, margin - edge : margin - edge + picture.shape[2]]
     light = contract.decode(picture[:, down : down + height, right : right + width])
     return np.ascontiguousarray(light.transpose(1, 2, 0) * white, np.float32)

@@ -75,8 +75,8 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"mine\.onnx"):
         choose([str(tmp_path / "mine.onnx")])
     for said, wrong in (
-        ({"order": "RGB", "inputs": QUADS}, "`order`"),
-        ({"inputs": {"x": {"form": "cubes"}}}, "`form`"),
+        ({"order": "RGB", "inputs": QUADS}, "'order'"),
+        ({"inputs": {"x": {"form": "cubes"}}}, "'form'"),
         ({"inputs": QUADS, "gain": 2}, "gain"),
         ({}, "inputs"),
     ):
