@@ -3,10 +3,13 @@
 import argparse
 from dataclasses import fields
 
+from shared import read_camera
+from shared.errors import InputError
 from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
 from .options import add, camera_of
 
+AUTO = "auto"
 LAYOUT = ("width", "height", "pixel_format", "stride")
 """Arguments that `add_layout` adds."""
 
@@ -36,7 +39,8 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         help="do not compare the first frames with these options; without it, frames that prove one of them wrong are refused",
     )
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
-    add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin")
+    more = f"; or {AUTO}: the first frame tells it, for tiles with a name"
+    add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin", more=more)
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
@@ -58,4 +62,11 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
     given = SourceOptions(**{each.name: getattr(arguments, each.name) for each in fields(SourceOptions)})
-    return open_source(given, *camera_of(arguments))
+    if arguments.pattern != AUTO:
+        return open_source(given, *camera_of(arguments))
+    if arguments.period is not None or arguments.origin is not None:
+        raise InputError(f"--pattern {AUTO} finds period and origin; leave --period and --origin out")
+    camera = read_camera(arguments.camera) if arguments.camera else None
+    if camera and camera.pattern:
+        raise InputError(f"{arguments.camera}: the camera file says the pattern; leave --pattern {AUTO} out")
+    return open_source(given, camera, None)

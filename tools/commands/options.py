@@ -97,7 +97,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "pattern": {
         "metavar": "LETTERS",
         "help": "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
-        f"{_NAMES}; or a file with them, one row on each line",
+        f"{_NAMES}; or a file with them, one row on each line{{more}}",
     },
     "period": {
         "type": int,

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
-from itertools import count
+from itertools import chain, count, islice
 from pathlib import Path
 
-from device.capture import Sensor
+from device.capture import Sensor, identify
 from device.capture.checks.frame_check import checked
 from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
@@ -26,6 +26,7 @@ STREAM = "-"
 """Source of frames on standard input."""
 _BUILTIN = "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
+_FIRST = 4  # frames in which a pattern is looked for: exposure may settle in the first ones
 _LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
 _MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 
@@ -33,6 +34,8 @@ Stopped = Callable[[], bool]
 """Polled between frames: whether to end."""
 Refused = Callable[[InputError], None]
 """Called for each file that is not a frame."""
+Opened = Callable[[Stopped, Refused], Iterator[RawFrame]]
+"""Opens a source."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class FrameSource:
     """
 
     sensor: Sensor
-    opened: Callable[[Stopped, Refused], Iterator[RawFrame]]
+    opened: Opened
     waits: bool
     notes: tuple[str, ...] = ()
     checks: bool = False
@@ -91,37 +94,83 @@ class FrameSource:
         return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
 
 
-def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
+def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern | None) -> FrameSource:
     """Open the requested source of frames of this camera.
 
-    Raises InputError if there is no such source, or if a part of its description does not go with it.
+    pattern: that of the sensor; None = the first frames tell it, for which this waits.
+    Raises InputError if there is no such source, if a part of its description does not go with it, or if the first frames do not
+    tell the pattern.
     """
     if given.source == STREAM or given.source.startswith(_BUILTIN):
         given.refuse(["new"], "only a folder can already contain frames")
     if given.source.startswith(_BUILTIN):
         given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
+        if pattern is None:
+            raise InputError(f'`pattern="auto"` does not go with {given.source}: it has the pattern that you choose')
         return _builtin(given.source, camera, pattern)
     if given.unchecked:
         given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
     folder = Path(given.source)
     if given.source != STREAM and not folder.is_dir():
         raise InputError(f"{given.source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
-    sensor, notes = _described(given, camera, pattern)
+    layout, bits = layout_of(given)
 
     def watched(stopped: Stopped, refused: Refused) -> Iterator[RawFrame]:
-        return watch_folder(folder, sensor.layout, refused, only_new=given.new, stopped=stopped)
+        return watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped)
 
     def piped(*_: object) -> Iterator[RawFrame]:
-        return read_frames(standard_input(), sensor.layout)
+        return read_frames(standard_input(), layout)
 
-    opened: Callable[[Stopped, Refused], Iterator[RawFrame]] = watched
+    opened: Opened = watched
     waits = True
     if given.source == STREAM:
         length = recording()
         if length is not None and not given.unchecked:
-            sensor.layout.check_recording(length)
+            layout.check_recording(length)
         opened, waits = piped, length is not None
-    return FrameSource(sensor, opened, waits, notes, checks=not given.unchecked, covered=given.covered)
+    remarks: tuple[str, ...] = ()
+    if pattern is None:
+        pattern, opened = _identified(given.source, layout, opened)
+        remarks = (
+            f"{given.source}: the first frames show the tile {pattern.name or 'of the paper'}, {' '.join(pattern.letters_from())}; "
+            "red and blue may be exchanged, which a picture of something red shows",
+        )
+        if camera:
+            camera.check_pattern(pattern)
+    sensor, notes = _described(given, layout, bits, camera, pattern)
+    return FrameSource(sensor, opened, waits, remarks + notes, checks=not given.unchecked, covered=given.covered)
+
+
+def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPattern, Opened]:
+    """The pattern that the first frames show; and the same source, already open, with these frames again."""
+    users: list[tuple[Stopped, Refused]] = []  # who goes on with the frames, which are opened before they are known
+    misfits: list[InputError] = []
+
+    def refused(error: InputError) -> None:
+        if users:
+            users[0][1](error)
+        else:
+            misfits.append(error)
+
+    def reopened(stopped: Stopped, user: Refused) -> Iterator[RawFrame]:
+        users.append((stopped, user))
+        for error in misfits:
+            user(error)
+        return chain(seen, frames)
+
+    frames = opened(lambda: bool(users) and users[0][0](), refused)
+    seen: list[RawFrame] = []
+    shown = ""
+    for frame in islice(frames, _FIRST):
+        seen.append(frame)
+        if found := identify(layout.unpack(frame.data)):
+            if found.pattern:
+                return found.pattern, reopened
+            shown = f"{found.name or 'a tile without a name'}, {' '.join(found.tile)}"
+    raise InputError(
+        f"{source}: the first {len(seen)} frames show {shown or 'no pattern of filters'}; "
+        '`pattern="auto"` takes a tile with a name, light and colours: `panchroma identify` says more, or name the pattern'
+    )
 
 
 def recording() -> int | None:
@@ -154,9 +203,10 @@ def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
     return FrameLayout(width, height, name, given.stride), bits
 
 
-def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
+def _described(
+    given: SourceOptions, layout: FrameLayout, bits: int, camera: Camera | None, pattern: CfaPattern
+) -> tuple[Sensor, tuple[str, ...]]:
     """Return the sensor that is described, and notes."""
-    layout, bits = layout_of(given)
     if camera:
         for said in ("sensor_bits", "black"):
             if getattr(given, said) is not None:

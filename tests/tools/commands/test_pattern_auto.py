@@ -1,0 +1,73 @@
+"""`capture --pattern auto`: the first frames tell the tile, and none of them is lost."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from device.capture import frame_folder
+from shared import Camera, CfaPattern, SensorCalibration, read_dng
+from shared.arrays import CodeArray
+from tests.device.capture.test_identification import SCENE, found, taken, tile_of
+from tests.tools.command import run
+from tests.tools.commands.test_capture import piped, shots
+
+KODAK = taken(SCENE, tile_of("Kodak", (1, 2)))
+DARK = np.full_like(KODAK, 256)
+BAYER = taken(SCENE, tile_of("RG/GB"))
+LAYOUT = ("--width", str(KODAK.shape[1]), "--height", str(KODAK.shape[0]), "--pixel-format", "Y12", "--pattern", "auto")
+
+
+@pytest.fixture
+def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(frame_folder, "_POLL", 0.01)
+    monkeypatch.setattr(frame_folder, "_PATIENCE", 0.02)
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    return folder
+
+
+def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: Path) -> None:
+    done = piped(b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK)), "-o", str(out), *LAYOUT, "--wait")
+    assert done.returncode == 0, done.stderr
+    recorded = [read_dng(path) for path in shots(out)]
+    assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
+    assert {shot.pattern.letters_from() for shot in recorded} == {found(KODAK).tile}
+    assert b"the first frames show the tile Kodak" in done.stderr
+    assert b"red and blue may be exchanged" in done.stderr
+
+
+def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: Path) -> None:
+    (frames / "0.bin").write_bytes(b"no frame")
+    (frames / "1.raw").write_bytes(KODAK.astype("<u2").tobytes())
+    outcome = run("capture", frames, "-o", out, *LAYOUT, "--frames", "1")
+    assert read_dng(*shots(out)).pattern.name == "Kodak"
+    assert all("0.bin: 8 bytes are not a frame" in error for error in outcome.errors)
+
+
+@pytest.mark.parametrize(
+    ("frame", "more", "words"),
+    [
+        (DARK, (), "the first 4 frames show no pattern of filters; --pattern auto takes a tile with a name, light and colours"),
+        (BAYER, (), "the first 4 frames show Bayer, "),
+        (KODAK, ("--origin", "0", "0"), "leave --period and --origin out"),
+        (KODAK, ("--camera", "{camera}"), "the camera file says the pattern"),
+    ],
+)
+def test_what_does_not_tell_a_tile_is_refused(
+    frames: Path, out: Path, tmp_path: Path, frame: CodeArray, more: tuple[str, ...], words: str
+) -> None:
+    camera = tmp_path / "camera.json"
+    camera.write_text(json.dumps(Camera(SensorCalibration.of_bits(12), CfaPattern.bayer(6)).to_json()))
+    for number in range(4):
+        (frames / f"{number}.raw").write_bytes(frame.astype("<u2").tobytes())
+    outcome = run("capture", frames, "-o", out, *LAYOUT, *(each.format(camera=camera) for each in more))
+    assert outcome.code == 2
+    assert words in outcome.errors[0]
+    assert not list(out.glob("*"))
+
+
+def test_a_simulated_sensor_has_the_pattern_that_is_chosen(out: Path) -> None:
+    outcome = run("capture", "builtin:60x40@10", "-o", out, "--pattern", "auto")
+    assert "--pattern auto does not go with builtin:60x40@10" in outcome.errors[0]
