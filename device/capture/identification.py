@@ -219,21 +219,25 @@ def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
     bright, level = _bright(light).ravel(), light.ravel()
     letters = np.where(bright, PANCHROMATIC, UNKNOWN)
     usual = max(2 * float(_spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC)).mean()), 1e-6)
-    groups = [[site] for site in np.flatnonzero(~bright).tolist()]
-    apart = _differences(quarters)
-    while len(groups) > 1:
-        means = {pair: apart[np.ix_(groups[pair[0]], groups[pair[1]])].mean() for pair in combinations(range(len(groups)), 2)}
-        first, second = min(means, key=lambda pair: float(means[pair]))
-        nearest = _energy(np.stack([quarters[..., groups[each]].mean(axis=2) for each in (first, second)], axis=2).dot([[1], [-1]]))
+    sites = np.flatnonzero(~bright)
+    apart, members = _differences(quarters)[np.ix_(sites, sites)], np.eye(len(sites), dtype=np.bool_)  # of groups, a row each
+    while len(members) > 1:
+        shares = members / members.sum(axis=1, keepdims=True)
+        means = shares @ apart @ shares.T
+        np.fill_diagonal(means, np.inf)
+        first, second = sorted(np.unravel_index(int(means.argmin()), means.shape))
+        nearest = _energy(quarters[..., sites] @ (shares[[first]] - shares[[second]]).T)
         separation = float(nearest.mean()) / usual
         if separation > 1 and _errors(nearest) > _DOUBT:
-            if len(groups) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
+            if len(members) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
                 break
-            names = _COLOURS if len(groups) == len(_COLOURS) else _MORE_COLOURS
-            for letter, group in zip(names, sorted(groups, key=lambda group: (-len(group), -level[group].mean())), strict=False):
+            names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
+            groups = sorted((sites[each] for each in members), key=lambda group: (-len(group), -level[group].mean()))
+            for letter, group in zip(names, groups, strict=False):
                 letters[group] = letter
             return letters.reshape(light.shape), separation
-        groups[first] += groups.pop(second)
+        members[first] |= members[second]
+        members = np.delete(members, second, axis=0)
     return letters.reshape(light.shape), 0.0
 
 
