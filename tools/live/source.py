@@ -133,7 +133,7 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
         pattern, opened = _identified(given.source, layout, opened)
         remarks = (
             f"{given.source}: the first frames show the tile {pattern.name or 'of the paper'}, {' '.join(pattern.letters_from())}; "
-            "red and blue may be exchanged, which a picture of something red shows",
+            "colours with equally many sites, as red and blue, may be exchanged: a picture of something red shows it",
         )
         if camera:
             camera.check_pattern(pattern)
@@ -156,7 +156,7 @@ def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPa
         users.append((stopped, user))
         for error in misfits:
             user(error)
-        return chain(seen, frames)
+        return chain((seen.pop(0) for _ in range(len(seen))), frames)
 
     frames = opened(lambda: bool(users) and users[0][0](), refused)
     seen: list[RawFrame] = []

@@ -35,7 +35,7 @@ def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: P
     assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
     assert {shot.pattern.letters_from() for shot in recorded} == {found(KODAK).tile}
     assert b"the first frames show the tile Kodak" in done.stderr
-    assert b"red and blue may be exchanged" in done.stderr
+    assert b"as red and blue, may be exchanged" in done.stderr
 
 
 def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: Path) -> None:
