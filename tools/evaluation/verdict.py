@@ -48,7 +48,9 @@ def caveats(group: SetFigures) -> list[str]:
     if count < FEW:
         found.append(f"Only {_scenes(count)}: with fewer than {FEW}, even being ahead on all of them may be chance.")
     for name, what, noisy in _STRONGEST:
-        same = [each for each in study.rivals if name == each or (noisy and methods()[each].denoise)]
+        same = [
+            each for each in study.rivals if name == each or (noisy and (methods()[each].denoise or methods()[each].whole_shot))
+        ]
         meant = [level for level in study.levels if (level.noisy if noisy else level.clear)]
         if same or not meant:
             continue
