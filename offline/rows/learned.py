@@ -31,7 +31,7 @@ from ..parts import Look, Part, RowStage
 REACH = "panchroma.reach"
 """The metadata of a file that says how many cells around a cell the network sees."""
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
-_LEAST_SPLIT = 8  # cells along the side of a box that is not split
+_SPLITS = 1, 2, 4  # parts of a tile's side, of which each gets a box of its own, or none
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
@@ -184,23 +184,21 @@ def boxes(wanted: BoolArray, reach: int) -> list[tuple[int, int, int, int]]:
 
     reach: cells around a box that are computed for its sake; the layers of a network need half of them on average.
     """
-    down, across = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
+    ways = []
+    for split in _SPLITS:
+        size = -(-len(wanted) // split)
+        starts = range(0, len(wanted), size)
+        found = [_box(wanted[y : y + size, x : x + size], y, x) for y in starts for x in starts]
+        ways.append([box for box in found if box is not None])
+    return min(ways, key=lambda way: sum((height + reach) * (width + reach) for *_, height, width in way))
+
+
+def _box(wanted: BoolArray, top: int, left: int) -> tuple[int, int, int, int] | None:
+    """The smallest box around what is wanted; None if nothing is. top, left: place of the first cell."""
+    down, across = wanted.any(axis=1).nonzero()[0], wanted.any(axis=0).nonzero()[0]
     if not down.size:
-        return []
-    top, left = int(down[0]), int(across[0])
-    shape = height, width = int(down[-1]) + 1 - top, int(across[-1]) + 1 - left
-    whole = [(top, left, height, width)]
-    if max(shape) <= _LEAST_SPLIT:
-        return whole
-    axis = int(width > height)
-    halves = np.array_split(wanted[top : top + height, left : left + width], 2, axis=axis)
-    moved = (0, halves[0].shape[axis])
-    parts = [
-        (top + y + (step if axis == 0 else 0), left + x + (step if axis == 1 else 0), h, w)
-        for half, step in zip(halves, moved, strict=True)
-        for y, x, h, w in boxes(half, reach)
-    ]
-    return min(whole, parts, key=lambda each: sum((h + reach) * (w + reach) for *_, h, w in each))
+        return None
+    return top + int(down[0]), left + int(across[0]), int(down[-1] - down[0]) + 1, int(across[-1] - across[0]) + 1
 
 
 class Inputs:
