@@ -195,7 +195,7 @@ def boxes(wanted: BoolArray, reach: int) -> list[tuple[int, int, int, int]]:
 
 def _box(wanted: BoolArray, top: int, left: int) -> tuple[int, int, int, int] | None:
     """The smallest box around what is wanted; None if nothing is. top, left: place of the first cell."""
-    down, across = wanted.any(axis=1).nonzero()[0], wanted.any(axis=0).nonzero()[0]
+    down, across = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
     if not down.size:
         return None
     return top + int(down[0]), left + int(across[0]), int(down[-1] - down[0]) + 1, int(across[-1] - across[0]) + 1
