@@ -18,12 +18,14 @@ _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
 _POOLING = 3e-4
 """Squared ratio of error to signal of a block at which half of its chromaticity comes from the blocks around it."""
-_MISREAD = 2e-4
+_MISREAD = 1e-3
 """The change of luminance around a block times this is the variance of what the block misreads, in addition to noise."""
 _ALIKE = 0.15
 """Squared relative difference of colour at which the weight of a block in the pooling of another is a quarter."""
 _ALIKE_NOISE = 24.0
 """Multiple of the noise variance that a squared difference of colour must exceed to count in pooling."""
+_STROKES = 10.0
+"""Squared relative change of luminance around a block times this, plus 1, is what its colour counts less by in that of others."""
 _CONTRAST = 0.1
 """Squared relative difference of luminance at which the weight of a block is halved."""
 _NOISE_WEIGHT = 4.0
@@ -35,8 +37,9 @@ _SPREAD = 0.5
 def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
 
-    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1. Where
-    panchromatic samples are saturated, those of the block say how much light there is (Eq. 7): with less, white would be yellow.
+    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1, but for
+    negative ones, which become 0. Where panchromatic samples are saturated, those of the block say how much light there is (Eq. 7):
+    with less, white would be yellow.
     """
     filled, luminance, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
@@ -59,7 +62,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     parts = g("Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a)
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
-    return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    found = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    return g("Relu", found)  # where a stroke hides the light that a site has, the other channels would be negative
 
 
 class Pooled(NamedTuple):
@@ -80,14 +84,16 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
 
     The larger the error of a block, by noise and beside edges, the more its colour becomes the mean of the 3 x 5 blocks around it:
     of the blocks above and below, then twice of those on the left and right, each as far as it is alike (a separated bilateral
-    filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light.
+    filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light. The more luminance changes around
+    a block, the less it is known: it is like others sooner, and counts less. So black print stays grey.
     """
     variance = g.variance(blocks.luminance)
     light = g("Max", blocks.luminance, g.floor)
     power = g("Mul", light, light)
     colours = g("Mul", parts, light)  # of two similar blocks the brighter one has less noise
-    alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
-    mean = with_neighbours(g, colours, similarity(g, colours, alike, 1), 1)
+    alike = g("Add", g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE)), blocks.change)
+    sure = g("Div", power, g("Add", power, g("Mul", blocks.change, _STROKES)))
+    mean = with_neighbours(g, g("Mul", colours, sure), similarity(g, colours, alike, 1), 1)
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)

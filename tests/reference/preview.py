@@ -80,8 +80,9 @@ class Block:
         sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
         self.light = max(self.luminance, pattern_graph._FLOOR)
-        self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
-        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
+        self.colours_of_light = self.light * np.maximum(self.chromaticity * np.array(mosaic.calibration.gamma), 0)
+        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance + self.change
+        self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * self.change)
         self.misread = self.variance + chromaticity._MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
@@ -135,9 +136,9 @@ class Colours:
         def along_column(right: int) -> DoubleArray:
             here = row, right
             others = [(row + down, right) for down in (-1, 1)]
-            total: DoubleArray = self.block(*here).colours_of_light
+            total: DoubleArray = self.block(*here).sure * self.block(*here).colours_of_light
             for each in others:
-                total = total + self.similar(here, each) * self.block(*each).colours_of_light
+                total = total + self.similar(here, each) * self.block(*each).sure * self.block(*each).colours_of_light
             return total
 
         def along_row(right: int, times: int) -> DoubleArray:
