@@ -79,7 +79,7 @@ class Block:
         least_variance = chromaticity._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
         sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
-        self.light = max(self.luminance, pattern_graph._FLOOR)
+        self.light: float = max(self.luminance, pattern_graph._FLOOR)
         self.colours_of_light = self.light * np.maximum(self.chromaticity * np.array(mosaic.calibration.gamma), 0)
         self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance + self.change
         self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * self.change)
