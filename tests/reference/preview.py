@@ -127,7 +127,7 @@ class Colours:
         first, second = self.block(*one), self.block(*other)
         apart = float(np.sum((first.colours_of_light - second.colours_of_light) ** 2))
         limit = min(first.alike, second.alike)
-        return (limit / (limit + apart)) ** 2
+        return float((limit / (limit + apart)) ** 2)
 
     def chromaticity(self, row: int, column: int) -> DoubleArray:
         """Own colour, and that of the blocks around: twice along the row of the means along each column."""
