@@ -16,6 +16,8 @@ EXPECTED = (
 )
 """What may stand for a tile, for messages."""
 _PERIOD = re.compile(r"k=([0-9]{1,2})")
+# GenICam PFNC's "Sparse Color Filter #1" is Kodak's tile; the letters are the first row of the phase that a camera sends.
+_SPARSE = {"scf1wbwg": (0, 0), "scf1wgwb": (0, 2), "scf1wgwr": (2, 0), "scf1wrwg": (2, 2)}
 
 
 def letters_of(text: str) -> str | None:
@@ -29,6 +31,10 @@ def letters_of(text: str) -> str | None:
     if found := _PERIOD.fullmatch(name):
         period = int(found[1])
         return "/".join(row + "W" * (period - 2) for row in ("RG", "GB", *["WW"] * (period - 2)))
+    if name in _SPARSE:
+        down, right = _SPARSE[name]
+        rows = TILES["Kodak"].split("/")
+        return "/".join(row[right:] + row[:right] for row in rows[down:] + rows[:down])
     return next((letters for known, letters in TILES.items() if known.casefold() == name), None)
 
 

@@ -53,6 +53,7 @@ ONLY_IN = {
     "numba": ("offline.kernels",),
     "llvmlite": ("offline.kernels",),
     "onnxruntime": ("shared.runtime",),
+    "gi": ("tools.live.genicam",),
 }
 
 

@@ -47,7 +47,7 @@ FORMATS = {
 _NAMES = {
     "raw10": r"raw10|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA",
     "raw12": r"raw12|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC",
-    "u16": r"u16|(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y)(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
+    "u16": r"u16|(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y|Mono|SCF1[BGRW]{4})(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
 }
 
 

@@ -1,6 +1,6 @@
 """The sensor whose frames are captured."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ class Sensor:
     layout: size and format of its frames.
     pattern: its filter pattern.
     calibration: its calibration, for the mode in which it runs.
+    metadata: what every shot records besides its time.
     Raises InputError when pattern and calibration have different channels, when a frame holds no whole colour block, and when the
     bits of the calibration do not fit the format: then the calibration belongs to another mode of the sensor.
     """
@@ -24,6 +25,7 @@ class Sensor:
     layout: FrameLayout
     pattern: CfaPattern
     calibration: SensorCalibration
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
 
     def __post_init__(self) -> None:
         bits = self.calibration.bits
@@ -41,5 +43,5 @@ class Sensor:
 
     def mosaic(self, frame: RawFrame) -> Mosaic:
         """The mosaic of a frame. Raises InputError when the frame does not fit the sensor."""
-        metadata = CaptureMetadata(taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time without zone
+        metadata = replace(self.metadata, taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time without zone
         return Mosaic(self.layout.unpack(frame.data), self.pattern, self.calibration, metadata)

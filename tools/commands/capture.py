@@ -1,8 +1,9 @@
 """Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside; or one burst of frames.
 
-SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
-simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o
-shots --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
+SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, genicam:ID, a GigE Vision or USB3
+Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS, a simulated sensor that looks at a moving scene. For example:
+rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P
+--stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
@@ -10,6 +11,7 @@ none is saved. SIGINT and SIGTERM end the command after the current file (exit c
 """
 
 import argparse
+from contextlib import closing
 
 from shared.errors import InputError, OutputError
 from tools.host.console import Console
@@ -38,7 +40,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
     if arguments.burst and arguments.frames:
         raise InputError("--frames does not go with --burst: it counts single shots")
-    if arguments.wait and arguments.source.startswith("builtin:"):
+    if arguments.wait and arguments.source.startswith(("builtin:", "genicam:")):
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = source_of(arguments)
     if arguments.burst:
@@ -61,7 +63,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(reason)
         console.record(source=arguments.source, ok=False, error=reason)
 
-    with Stopping() as stopping:
+    with closing(source), Stopping() as stopping:
         try:
             for shot in recorder.saved(stopping, refused, console.note):
                 saved += 1
@@ -80,7 +82,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)
     if arguments.burst and stopping():
         lost = arguments.burst - saved
-    console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
+    incomplete, _ = source.lost()
+    some = f" ({incomplete} incomplete)" if incomplete else ""
+    console.note(f"{saved} saved, {lost} dropped{some}" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 
 

@@ -2,22 +2,39 @@
 
 import argparse
 from dataclasses import fields
+from typing import Any
 
-from shared import read_camera
+from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
+from tools.host.console import to_stdout
+from tools.live.genicam import GENICAM, connected
 from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
-from .options import add, camera_of
+from .options import add, amount, camera_of, factor
 
 AUTO = "auto"
 LAYOUT = ("width", "height", "pixel_format", "stride")
 """Arguments that `add_layout` adds."""
 
 
+class _Source(argparse.Action):
+    """Stores SOURCE; for `genicam:` alone the cameras are listed, and nothing else is asked for, as with --help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
+        if values == GENICAM:
+            to_stdout(*(connected() or ["no camera answers: is it plugged in, and has it an address in this machine's network?"]))
+            parser.exit()
+        setattr(namespace, self.dest, values)
+
+
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE and the options that describe its frames and its sensor."""
     parser.add_argument(
-        "source", metavar="SOURCE", help="- (standard input), a folder that is watched for frames, or builtin:WIDTHxHEIGHT@FPS"
+        "source",
+        action=_Source,
+        metavar="SOURCE",
+        help="- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; genicam: lists them), or "
+        "builtin:WIDTHxHEIGHT@FPS",
     )
     frames = add_layout(parser, "the frames of a stream or folder (rpicam-raw prints all this when it starts)")
     add(frames, "sensor-bits", usual="those of the pixel format")
@@ -41,6 +58,12 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
     more = f"; or {AUTO}: the first frame tells it, for tiles with a name"
     add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin", more=more)
+    settings = parser.add_argument_group(
+        "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
+    )
+    settings.add_argument("--exposure-time", type=factor, metavar="SECONDS", help="such as 1/100 or 0.01 (default: as it is set)")
+    settings.add_argument("--gain", type=amount, metavar="N", help="in the camera's unit, mostly dB (default: as it is set)")
+    settings.add_argument("--fps", type=amount, metavar="N", help="frames a second (default: as it is set)")
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
@@ -62,11 +85,16 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
     given = SourceOptions(**{each.name: getattr(arguments, each.name) for each in fields(SourceOptions)})
+    return open_source(given, lambda known: _described(arguments, known))
+
+
+def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern | None]:
+    """The camera and the pattern; None = the frames are to tell it. known: that which the camera itself says."""
     if arguments.pattern != AUTO:
-        return open_source(given, *camera_of(arguments))
+        return camera_of(arguments, known)
     if arguments.period is not None or arguments.origin is not None:
         raise InputError(f"--pattern {AUTO} finds period and origin; leave --period and --origin out")
     camera = read_camera(arguments.camera) if arguments.camera else None
     if camera and camera.pattern:
         raise InputError(f"{arguments.camera}: the camera file says the pattern; leave --pattern {AUTO} out")
-    return open_source(given, camera, None)
+    return camera, known

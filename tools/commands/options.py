@@ -188,13 +188,15 @@ def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -
     return known if origin is None else replace(known, origin=tuple(origin))
 
 
-def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]:
+def camera_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> tuple[Camera | None, CfaPattern]:
     """The camera in the --camera file (None without that option) and the pattern, see `pattern_of`.
+
+    known: the pattern that a connected camera says it has.
 
     Raises InputError that names the file when the camera was measured with another pattern.
     """
     camera = read_camera(arguments.camera) if arguments.camera else None
-    pattern = pattern_of(arguments, camera.pattern if camera else None)
+    pattern = pattern_of(arguments, known or (camera.pattern if camera else None))
     try:
         if camera:
             camera.check_pattern(pattern)

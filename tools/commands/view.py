@@ -7,6 +7,7 @@ can, and with -o they can save shots too. The preview in a shot is the picture t
 
 import argparse
 import threading
+from contextlib import closing
 
 from shared.errors import InputError
 from tools.host.console import Console, fault
@@ -45,7 +46,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
 
     address = arguments.bind, arguments.port
-    with Stopping() as stopping, ViewfinderServer(address, view.finder, lambda error: console.error(fault(error))) as server:
+    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error)))
+    with closing(source), Stopping() as stopping, page as server:
         threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")
         try:

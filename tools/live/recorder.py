@@ -45,8 +45,8 @@ class Recorder:
 
     @property
     def dropped(self) -> int:
-        """Number of frames that came too fast to be saved."""
-        return 0 if self._queue is None else self._queue.dropped  # an empty queue counts as false
+        """Number of frames that came too fast to be saved, or arrived incomplete."""
+        return sum(self._source.lost()) + (0 if self._queue is None else self._queue.dropped)  # an empty queue counts as false
 
     @property
     def waiting(self) -> int:

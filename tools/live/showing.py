@@ -44,7 +44,7 @@ class LiveView:
         scale = fitting_scale(sensor.layout.width, sensor.pattern) if scale is None else scale
         self._preview = preview_maker(sensor, scale=scale, threads=threads)
         self._queue: FrameQueue | None = None
-        self.finder = Viewfinder(lambda: self._queue.dropped if self._queue else 0, shots)
+        self.finder = Viewfinder(lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots)
 
     def show(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> None:
         """Show frames until they end; see `FrameSource.frames`. Raises InputError when the stream breaks off."""

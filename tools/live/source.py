@@ -21,6 +21,8 @@ from shared import Camera, CfaPattern, SensorCalibration
 from shared.errors import InputError
 from tools.camera.built_in import built_in_sensor, moving_scene, usual_gamma
 
+from .genicam import GENICAM, GenicamCamera
+
 PIXEL_FORMATS = tuple(FORMATS)
 STREAM = "-"
 """Source of frames on standard input."""
@@ -36,19 +38,22 @@ Refused = Callable[[InputError], None]
 """Called for each file that is not a frame."""
 Opened = Callable[[Stopped, Refused], Iterator[RawFrame]]
 """Opens a source."""
+Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern | None]]
+"""What the user says of camera and pattern (None = the first frames tell it); given the pattern that the camera itself says."""
 
 
 @dataclass(frozen=True)
 class SourceOptions:
     """The description of a source of frames, as a user gives it.
 
-    source: "-" (standard input), a folder that is watched, or builtin:WIDTHxHEIGHT@FPS, a simulated sensor.
+    source: "-" (standard input), a folder that is watched, genicam:ID, or builtin:WIDTHxHEIGHT@FPS, a simulated sensor.
     width, height, pixel_format, stride: see `FrameLayout` and `format_named`; None = not given.
     sensor_bits: bits of a sample; None = those of the pixel format, or of the camera file.
     black: black level, code; None = that of the camera file, or a sixteenth of the range.
     covered: the lens is covered, see `FrameCheck`.
     unchecked: frames are not compared with this description.
     new: files that are in the folder already are skipped.
+    exposure_time, gain, fps: see `GenicamCamera`.
     """
 
     source: str
@@ -61,6 +66,9 @@ class SourceOptions:
     covered: bool = False
     unchecked: bool = False
     new: bool = False
+    exposure_time: float | None = None
+    gain: float | None = None
+    fps: float | None = None
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
         """Raise InputError if one of these is given, though it does not go with the source."""
@@ -79,6 +87,8 @@ class FrameSource:
     notes: remarks for the user on how the description was interpreted.
     checks: whether the first frames are compared with the description.
     covered: see `FrameCheck`.
+    lost: numbers of frames so far that arrived incomplete, and that came too fast to be read.
+    close: lets the camera go.
     """
 
     sensor: Sensor
@@ -87,6 +97,8 @@ class FrameSource:
     notes: tuple[str, ...] = ()
     checks: bool = False
     covered: bool = False
+    lost: Callable[[], tuple[int, int]] = lambda: (0, 0)
+    close: Callable[[], object] = bool
 
     def frames(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> Iterator[RawFrame]:
         """The frames; note: called when the first of them do not show whether the description is right."""
@@ -94,26 +106,44 @@ class FrameSource:
         return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
 
 
-def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern | None) -> FrameSource:
-    """Open the requested source of frames of this camera.
+def open_source(given: SourceOptions, described: Described) -> FrameSource:
+    """Open the requested source of frames; where the first frames tell the pattern, wait for them.
 
-    pattern: that of the sensor; None = the first frames tell it, for which this waits.
     Raises InputError if there is no such source, if a part of its description does not go with it, or if the first frames do not
     tell the pattern.
     """
-    if given.source == STREAM or given.source.startswith(_BUILTIN):
+    if given.source == STREAM or given.source.startswith((_BUILTIN, GENICAM)):
         given.refuse(["new"], "only a folder can already contain frames")
     if given.source.startswith(_BUILTIN):
         given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
+        camera, pattern = described(None)
         if pattern is None:
             raise InputError(f'`pattern="auto"` does not go with {given.source}: it has the pattern that you choose')
         return _builtin(given.source, camera, pattern)
     if given.unchecked:
         given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
-    folder = Path(given.source)
-    if given.source != STREAM and not folder.is_dir():
-        raise InputError(f"{given.source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
+    if given.source.startswith(GENICAM):
+        given.refuse(["width", "height", "stride"], "the camera says it")
+        plugged = GenicamCamera(given.source, given.pixel_format, exposure_time=given.exposure_time, gain=given.gain, fps=given.fps)
+        camera, pattern = described(plugged.pattern)
+        if plugged.pattern not in (None, pattern):
+            raise InputError(f"{given.source}: the camera says where its filters are; leave `pattern`, `period` and `origin` out")
+        opened: Opened = lambda stopped, _: plugged.frames(stopped)  # noqa: E731
+        source = _source(given, plugged.layout, plugged.bits, opened, camera, pattern)
+        sensor, notes = replace(source.sensor, metadata=plugged.metadata), (plugged.about, *source.notes)
+        return replace(source, sensor=sensor, notes=notes, lost=plugged.lost, close=plugged.close)
+    given.refuse(["exposure_time", "gain", "fps"], "only a connected camera, genicam:ID, can be set")
+    if given.source != STREAM and not Path(given.source).is_dir():
+        raise InputError(f"{given.source}: is not a folder; SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS")
+    camera, pattern = described(None)
     layout, bits = layout_of(given)
+    opened, waits = _unplugged(given, layout)
+    return replace(_source(given, layout, bits, opened, camera, pattern), waits=waits)
+
+
+def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]:
+    """Standard input or a folder; and whether it waits."""
+    folder = Path(given.source)
 
     def watched(stopped: Stopped, refused: Refused) -> Iterator[RawFrame]:
         return watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped)
@@ -121,13 +151,18 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
     def piped(*_: object) -> Iterator[RawFrame]:
         return read_frames(standard_input(), layout)
 
-    opened: Opened = watched
-    waits = True
-    if given.source == STREAM:
-        length = recording()
-        if length is not None and not given.unchecked:
-            layout.check_recording(length)
-        opened, waits = piped, length is not None
+    if given.source != STREAM:
+        return watched, True
+    length = recording()
+    if length is not None and not given.unchecked:
+        layout.check_recording(length)
+    return piped, length is not None
+
+
+def _source(
+    given: SourceOptions, layout: FrameLayout, bits: int, opened: Opened, camera: Camera | None, pattern: CfaPattern | None
+) -> FrameSource:
+    """A source that does not wait, of the sensor that is described."""
     remarks: tuple[str, ...] = ()
     if pattern is None:
         pattern, opened = _identified(given.source, layout, opened)
@@ -138,7 +173,7 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
         if camera:
             camera.check_pattern(pattern)
     sensor, notes = _described(given, layout, bits, camera, pattern)
-    return FrameSource(sensor, opened, waits, remarks + notes, checks=not given.unchecked, covered=given.covered)
+    return FrameSource(sensor, opened, False, remarks + notes, checks=not given.unchecked, covered=given.covered)
 
 
 def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPattern, Opened]:

@@ -1,0 +1,176 @@
+"""`capture` and `view` from a GigE Vision camera: Aravis' fake one, through the real protocol."""
+
+import ctypes
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, read_dng
+from shared.errors import InputError
+from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
+from tests.tools.command import Outcome, run, spawn, start
+from tests.tools.live.fake_camera import ALONE, LIBRARY, FakeCamera
+from tools.live.genicam import connected, libraries
+
+MONO12, SCF1WGWR12 = ("Mono12", 0x01100005), ("SCF1WGWR12", 0x01100078)
+SOURCE = "genicam:127.0.0.1"
+TILE = ["--period", "6", "--origin", "2", "1"]
+Plug = Callable[..., FakeCamera]
+
+
+def missing() -> str:
+    """Why there can be no camera here; "" if there can."""
+    try:
+        ctypes.CDLL(LIBRARY)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # PyGObject's own
+            libraries()
+    except (OSError, InputError) as error:
+        return str(error)
+    tools = shutil.which("unshare") and shutil.which("nsenter")
+    alone = tools and subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
+    return "" if alone else "a network of its own (unshare --net) is not to be had"
+
+
+MISSING = missing()
+needs_camera = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+
+@pytest.fixture
+def plug(tmp_path: Path) -> Iterator[Plug]:
+    """Connects a camera of this pattern."""
+    cameras = []
+
+    def plugged(kind: tuple[str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0) -> FakeCamera:
+        cameras.append(FakeCamera(tmp_path, SIZE, *kind, codes(pattern).astype("<u2").tobytes(), lost))
+        return cameras[-1]
+
+    yield plugged
+    for camera in cameras:
+        camera.kill()
+
+
+def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE) -> Outcome:
+    return spawn("capture", source, *arguments, before=camera.beside)
+
+
+def shots(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.dng"))
+
+
+@needs_camera
+def test_shots_have_the_cameras_samples_and_settings(plug: Plug, out: Path, tmp_path: Path) -> None:
+    camera, link = plug(), tmp_path / "latest"
+    settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
+    outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings)
+    assert outcome.code == 0, outcome.err
+    assert "incomplete" not in outcome.err
+    assert "Aravis Fake: 256 x 192 Mono12, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
+    assert link.resolve() == shots(out)[-1]
+    for path in shots(out):
+        mosaic = read_dng(path)
+        assert np.array_equal(mosaic.codes, codes())
+        assert mosaic.pattern == PATTERN
+        assert mosaic.calibration.bits == 12
+        told = mosaic.metadata
+        assert (told.make, told.model, told.exposure_time, told.iso) == ("Aravis", "Fake", 0.02, 200)
+        assert told.description == "gain 6 dB, 25 frames a second"
+    assert len(shots(out)) == 2
+
+
+@needs_camera
+def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(plug: Plug, out: Path) -> None:
+    pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
+    camera = plug(SCF1WGWR12, pattern)
+    outcome = capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01")
+    assert outcome.code == 0, outcome.err
+    assert len(shots(out)) == 3
+    assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {pattern.letters_from((0, 0))}
+    refused = capture(camera, "-o", out, "--pattern", "paper")
+    assert refused.code == 2
+    assert "the camera says where its filters are" in refused.err
+
+
+@needs_camera
+def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path) -> None:
+    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50")  # one frame of four arrives whole
+    assert outcome.code == 0, outcome.err
+    assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
+    found = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
+    assert found, outcome.err
+    assert int(found[1]) >= int(found[2]) > 0
+
+
+@needs_camera
+def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> None:
+    camera = plug()
+    first = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
+    assert first.stdout
+    assert ".dng" in first.stdout.readline()
+    second = capture(camera, "-o", out, *TILE)
+    assert second.code == 2
+    assert "another program has the camera" in second.err
+    first.send_signal(signal.SIGINT)
+    first.communicate(timeout=60)
+    assert first.returncode == 130
+    third = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)  # at once: the first has let it go
+    assert third.stdout
+    assert ".dng" in third.stdout.readline()
+    camera.process.kill()
+    _, told = third.communicate(timeout=60)
+    assert third.returncode == 1, told
+    assert re.search(r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was unplugged", told)
+    assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
+    assert {path.suffix for path in out.iterdir()} == {".dng"}
+
+
+@needs_camera
+def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
+    camera = plug()
+    listed = capture(camera, source="genicam:")
+    assert listed.code == 0
+    assert listed.out == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
+    for wrong, words in (
+        (["--pixel-format", "RGB8"], "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12"),
+        (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
+        (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
+    ):
+        outcome = capture(camera, "-o", out, *wrong)
+        assert outcome.code == 2
+        assert words in outcome.err
+    outcome = capture(camera, "-o", out, source="genicam:another")
+    assert outcome.code == 2
+    assert "'another' not found; genicam: alone lists the cameras" in outcome.err
+
+
+@needs_camera
+def test_the_viewfinder_shows_it(plug: Plug) -> None:
+    process = start("view", SOURCE, "--port", "0", *TILE, before=plug().beside)
+    assert process.stdout
+    assert "the viewfinder is at" in process.stdout.readline()
+    process.send_signal(signal.SIGTERM)
+    _, told = process.communicate(timeout=60)
+    assert (process.returncode, told.count("panchroma:")) == (0, 0), told
+
+
+def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gi", None)
+    with pytest.raises(InputError, match=r"apt-get install gir1\.2-aravis-0\.8 python3-gi"):
+        connected()
+
+
+def test_settings_are_of_a_connected_camera(out: Path) -> None:
+    for source in (str(out), "builtin:64x48@9"):
+        outcome = run("capture", source, "-o", out, "--gain", "3")
+        assert outcome.code == 2
+        assert f"--gain does not go with {source}" in outcome.err
+    outcome = run("capture", SOURCE, "-o", out, "--wait")
+    assert "a sensor does not wait" in outcome.err
