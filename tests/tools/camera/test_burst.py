@@ -158,3 +158,13 @@ def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> Non
 def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
     with pytest.raises(InputError, match="loses 112 pixels on each side of a scene of 240 x 200: nothing is left; take a larger"):
         next(burst_frames(leaves, SimulatedBurst(2, pixels=100), random()))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_moves_stays_in_the_scene(leaves: FloatArray, seed: int) -> None:
+    frames, margin = 5, 10
+    thing = moving_thing.MovingThing.drawn(leaves, margin, frames, 1, np.random.default_rng(seed))
+    places = np.array([thing.place(frame) for frame in range(frames)])
+    assert (places >= margin + thing.radius - 1e-6).all()
+    assert (places <= np.array(leaves.shape[:2]) - margin - thing.radius + 1e-6).all()
+    assert np.ptp(places, axis=0).max() > 1

@@ -15,6 +15,7 @@ from PIL.PngImagePlugin import PngInfo
 from shared.colorimetry import SRGB_TO_XYZ, decode_srgb
 from shared.errors import InputError
 from tests.tools.scenes.files import save
+from tools.scenes.decoders import exr
 from tools.scenes.icc_reading import read_profile
 from tools.scenes.load import load_scene
 
@@ -220,3 +221,16 @@ def test_cmyk_is_refused(tmp_path: Path) -> None:
     Image.new("CMYK", (20, 20)).save(tmp_path / "a.jpg")
     with pytest.raises(InputError, match="CMYK"):
         load_scene(str(tmp_path / "a.jpg"))
+
+
+def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, decoded = tmp_path / "a.exr", OpenEXR.File
+    OpenEXR.File({}, {"RGB": np.ones((6, 8, 3), np.float32)}).write(str(path))
+
+    def header_alone(name: str, header_only: bool = False, **_: object) -> object:
+        assert header_only
+        return decoded(name, header_only=True)
+
+    monkeypatch.setattr(OpenEXR, "File", header_alone)
+    with pytest.raises(InputError, match="8 x 6"):
+        exr._read_exr(path, 47, "RGB")
