@@ -18,7 +18,7 @@ from shared.errors import InputError
 from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
 from tests.tools.command import Outcome, run, spawn, start
 from tests.tools.live.fake_camera import ALONE, LIBRARY, FakeCamera
-from tools.live.genicam import connected, libraries
+from tools.live.genicam import libraries
 
 MONO12, SCF1WGWR12 = ("Mono12", 0x01100005), ("SCF1WGWR12", 0x01100078)
 SOURCE = "genicam:127.0.0.1"
@@ -153,9 +153,14 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
 
 @needs_camera
 def test_the_viewfinder_shows_it(plug: Plug) -> None:
-    process = start("view", SOURCE, "--port", "0", *TILE, before=plug().beside)
+    camera = plug()
+    process = start("view", SOURCE, "--port", "0", *TILE, before=camera.beside)
     assert process.stdout
-    assert "the viewfinder is at" in process.stdout.readline()
+    found = re.search(r"http://\S+/", process.stdout.readline())
+    assert found
+    fetch = "import sys, urllib.request; sys.stdout.buffer.write(urllib.request.urlopen(sys.argv[1]).read(1000))"
+    line = [*camera.beside, sys.executable, "-c", fetch, f"{found[0]}stream.mjpg"]
+    assert b"\xff\xd8\xff" in subprocess.run(line, capture_output=True, check=True, timeout=60).stdout  # a JPEG begins
     process.send_signal(signal.SIGTERM)
     _, told = process.communicate(timeout=60)
     assert (process.returncode, told.count("panchroma:")) == (0, 0), told
@@ -163,8 +168,9 @@ def test_the_viewfinder_shows_it(plug: Plug) -> None:
 
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gi", None)
-    with pytest.raises(InputError, match=r"apt-get install gir1\.2-aravis-0\.8 python3-gi"):
-        connected()
+    outcome = run("capture", "genicam:")
+    assert outcome.code == 2
+    assert "apt-get install gir1.2-aravis-0.8 python3-gi" in outcome.err
 
 
 def test_settings_are_of_a_connected_camera(out: Path) -> None:
