@@ -9,8 +9,10 @@ import rawpy
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import ORDER, sample_bayer
+from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr
+from tools.evaluation.rivals import denoising
 from tools.evaluation.rivals.denoising import denoise_bayer
 from tools.evaluation.rivals.integers import Levels
 from tools.evaluation.rivals.libraw import ALGORITHMS, demosaic_libraw, encode_bayer_dng
@@ -106,3 +108,18 @@ def test_denoising_lowers_noise_and_keeps_the_light() -> None:
     assert np.std(after - truth) < 0.5 * np.std(before - truth)
     assert np.mean(after - truth) == pytest.approx(np.mean(before - truth), abs=1e-3)
     np.testing.assert_array_equal(denoise_bayer(truth, 0.0, 0.0), truth)
+
+
+def test_cbm3d_after_demosaicking_gets_the_picture_and_half_as_much_noise_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[tuple[int, float]] = []
+
+    def smooth(picture: FloatArray, sigma: float) -> FloatArray:
+        calls.append((picture.ndim, sigma))
+        return picture
+
+    monkeypatch.setattr(denoising, "_bm3d", smooth)
+    white, mosaic = np.array([0.5, 1.0, 0.8], np.float32), sample_bayer(smooth_scene(40, 44))
+    noisy, clear = (denoising.demosaic_first(BayerShot(mosaic, 0.0, read), white) for read in (0.02, 0.0))
+    np.testing.assert_allclose(calls, [(3, 0.03)])
+    np.testing.assert_array_equal(noisy, clear)
+    assert psnr(clear, smooth_scene(40, 44), EDGE) > 38
