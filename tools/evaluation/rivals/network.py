@@ -1,6 +1,6 @@
 """Anybody's network for Bayer mosaics: an ONNX file, and beside it a JSON file that says how it is fed.
 
-README.md beside `tools/evaluation` documents the fields. The network is given what its authors trained it for: their order of the
+The README of this evaluation documents the fields. The network is given what its authors trained it for: their order of the
 filters, their packing, their code for light, white balance and the noise. None of its code is needed.
 """
 
