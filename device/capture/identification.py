@@ -44,6 +44,8 @@ _SURE = 4.0  # standard errors by which the colours of a tile without panchromat
 _DOUBT = 1.0  # standard errors from which on sites may have different colours
 _BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
 _APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
+_DENSE_APART = 10.0  # of tiles without panchromatic sites: 30 times and more; 5 where cyan and magenta are taken for one colour
+_UNLIKE = 0.005  # of the energy between the brightest sites and others: different filters have 0.015 and more, the same 0.002
 _COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
 _MORE_COLOURS = "CDEFHIJK"
 
@@ -91,8 +93,8 @@ def identify(codes: CodeArray) -> Identity | None:
     codes: (H, W), of any size and with any black and white level. Colours show in a scene that has several; the larger the period,
         the larger the frame has to be.
 
-    The brightest sites are taken for panchromatic unless the tile is one of DENSE. Of tiles whose panchromatic sites cannot be told
-    apart the colours decide; where they do not, they are "?".
+    The brightest sites are taken for panchromatic if they read the same, unless the tile is one of DENSE. Of tiles with the same
+    panchromatic sites the colours decide; where they do not, they are "?".
 
     >>> import numpy as np
     >>> from device.capture import identify
@@ -108,7 +110,9 @@ def identify(codes: CodeArray) -> Identity | None:
     light = quarters.mean(axis=(0, 1)).reshape(period, period)
     if np.diff(np.sort(light, axis=None)).max() < _GAP * np.ptp(light):
         return None
-    name, letters, separation = _named(folds, light) or ("", *_kinds(quarters, light))
+    alike = _are_alike(quarters, _bright(light).ravel())
+    open_tile = np.full(light.shape, UNKNOWN), 0.0
+    name, letters, separation = _named(folds, light, alike) or ("", *(_kinds(quarters, light) if alike else open_tile))
     times = len(letters) // period
     return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
 
@@ -161,21 +165,24 @@ def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
     return False
 
 
-def _named(folds: _Folds, light: DoubleArray) -> tuple[str, Letters, float] | None:
+def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters, float] | None:
     """Name, letters (K, K) and separation of the tile with a name that fits best; None if none does.
+
+    alike: whether the brightest sites may be panchromatic.
 
     Its period may be a multiple of the one that was found: in a checkerboard of panchromatic sites little else may show.
     """
     period = len(light)
     likely: dict[str, Letters] = {}
-    for side in (each for each in folds.periods if each % period == 0):
+    for side in (each for each in folds.periods if alike and each % period == 0):
         repeated = np.tile(light, (side // period, side // period))
         fitting = [each for each in _known(side, repeated) if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))]
         if found := _best(folds.quarters(side), fitting, sure=side > period):
             return found
         likely |= dict(fitting)
     dense = [each for each in _known(period, light) if PANCHROMATIC not in each[1]]
-    if found := _best(folds.quarters(period), dense, sure=True):
+    found = _best(folds.quarters(period), dense, sure=True)
+    if found and found[2] > _DENSE_APART:
         return found
     if len(likely) != 1:
         return None
@@ -208,6 +215,13 @@ def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
     tiles = [(name, np.array([[*row] for row in rows])) for name, rows in known]
     begun = [(name, np.roll(tile, step, (0, 1))) for name, tile in tiles if len(tile) == period for step in np.ndindex(tile.shape)]
     yield from sorted(begun, key=lambda each: -float(light[each[1] == "G"].mean()))
+
+
+def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
+    """Whether the brightest sites may have one filter: panchromatic ones read the same."""
+    within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
+    beside = _energy(quarters[..., bright].mean(axis=2, keepdims=True) - quarters[..., ~bright].mean(axis=2, keepdims=True))
+    return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
 
 
 def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:

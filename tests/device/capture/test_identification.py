@@ -95,6 +95,14 @@ def test_a_tile_without_a_name_shows_which_sites_are_alike(letters: str, channel
     assert same_sites(identity.tile, tile_of(letters, (2, 3)))
 
 
+@pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])
+def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letters: str) -> None:
+    infrared = np.concatenate([LARGE, LARGE.mean(axis=2, keepdims=True)], axis=2)
+    tile = tile_of(letters, (1, 2))
+    identity = found(taken(infrared, tile, channels="RGBE"))
+    assert identity.tile == tuple(UNKNOWN * identity.period for _ in range(identity.period))
+
+
 @pytest.mark.parametrize(("name", "sigma"), [("linear/intel_tau_003.png", 0.01), ("linear/intel_tau_012.png", 0.03)])
 def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) -> None:
     """What they do not show is left open: colours of the largest tiles."""
