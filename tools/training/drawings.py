@@ -28,18 +28,21 @@ def drawing(random: np.random.Generator) -> FloatArray:
     else:
         ground = _ground(random)
         palette = [colour(random) for _ in range(random.integers(2, 9))]
-    planes = []
     marks = [_mark(random) for _ in range(random.poisson(_MARKS))]
     inks = [_ink(random, palette, ground) for _ in marks]
-    for channel in range(3):
-        # One plane after the other in 32-bit floats, because pictures of 8 bits have too few dark tones.
-        plane = Image.fromarray(ground[..., channel].repeat(_FINE, axis=0).repeat(_FINE, axis=1))
-        pen = ImageDraw.Draw(plane)
-        for (kind, arguments), ink in zip(marks, inks, strict=True):
-            getattr(pen, kind)(**arguments, fill=float(ink[channel]))
-        planes.append(np.asarray(plane).reshape(SIZE, _FINE, SIZE, _FINE).mean(axis=(1, 3)))
-    drawn: FloatArray = np.stack(planes, axis=2).astype(np.float32)
-    return drawn
+    # Numbers of marks are drawn instead of inks: pictures of 8 bits have too few dark tones, and floats would be drawn three times.
+    numbers = Image.new("I", (SIZE * _FINE, SIZE * _FINE))
+    pen = ImageDraw.Draw(numbers)
+    pen.fontmode = "1"
+    for number, (kind, arguments) in enumerate(marks):
+        getattr(pen, kind)(**arguments, fill=number + 1)
+    places, sums = np.asarray(numbers), np.zeros((SIZE, SIZE, 3), np.float32)
+    table = np.array([np.zeros(3), *inks], np.float32)
+    for down in range(_FINE):
+        for across in range(_FINE):
+            seen = places[down::_FINE, across::_FINE]
+            sums += np.where((seen > 0)[..., None], table[seen], ground)
+    return sums / np.float32(_FINE**2)
 
 
 def colour(random: np.random.Generator) -> FloatArray:

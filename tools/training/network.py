@@ -96,18 +96,11 @@ def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = N
 def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
     """Light (N, K^2, h, w), the mean of the channels, and the components of colour in `BASIS` (N, 2 K^2, h, w), pixel by pixel.
 
-    picture: (N, 3, h K, w K). One convolution does it: onnxruntime takes several times as long for the same in single steps.
+    picture: (N, 3, h K, w K).
     """
-    matrix = np.concatenate([np.full((1, 3), 1 / 3), BASIS])
-    cells = functional.conv2d(picture, pixelwise(matrix, period).to(picture), stride=period)
-    return cells[:, : period**2], cells[:, period**2 :]
-
-
-def pixelwise(matrix: Any, period: int) -> Any:
-    """Weights of a convolution that multiplies each pixel of a cell by a matrix (outputs, 3): (outputs K^2, 3, K, K)."""
-    pixels = period**2
-    each = np.eye(pixels, dtype=np.float32).reshape(pixels, 1, period, period)
-    return torch.as_tensor((np.asarray(matrix, np.float32)[:, None, :, None, None] * each).reshape(-1, 3, period, period))
+    planes = functional.pixel_unshuffle(picture, period).chunk(3, 1)
+    colour = [sum(float(each) * plane for each, plane in zip(row, planes, strict=True)) for row in BASIS]
+    return sum(planes) / 3, torch.cat(colour, 1)
 
 
 def around(plane: Any) -> Any:
@@ -127,7 +120,7 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
     batch: picture, truth, error, variance, as in `examples.Example`.
     """
     picture, truth, error, variance = batch
-    with torch.no_grad():
+    with torch.no_grad(), torch.autocast(picture.device.type, enabled=False):  # differences: 16 bits are too few
         light, colour = cells_of(picture, network.period)
         inputs, bound = features(light, colour, error, variance)
         true_light, right = cells_of(truth, network.period)
@@ -135,7 +128,7 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
         scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
         unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)
         seen = HUE * inner(true_light, HALO) + DARK
-    left = missing - network(inputs) * scale
+    left = missing - network(inputs).float() * scale
     return _measures(left, unit, seen), _measures(missing, unit, seen)
 
 

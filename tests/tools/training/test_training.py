@@ -106,7 +106,7 @@ def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
     light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
     colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
     error = random.normal(0, 0.05, (4, down, across)).astype(np.float32)
-    variance = random.uniform(0, 1e-2, (down, across)).astype(np.float32)
+    variance = np.broadcast_to(np.linspace(0, 0.04, across, dtype=np.float32), (down, across)).copy()  # contrast drowns in it
     planes, state = np.zeros((3 * period**2, down, across), np.float32), np.zeros((STATE, down, across), np.float32)
     places = np.arange(light.shape[0]), np.arange(light.shape[1])
     survey(light, colour, places, np.arange(3), np.ones(3, np.float32), error, variance, planes, state)
