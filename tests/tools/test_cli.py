@@ -236,6 +236,16 @@ def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: 
     assert results(tmp_path) == {"shots"}
 
 
+def test_an_interrupt_does_not_wait_for_a_shot_to_be_decoded(shots: Path, tmp_path: Path) -> None:
+    script = (
+        "import os, signal, time; from tools import cli; from tools.rendering.order import Order\n"
+        "def stuck(*_):\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(1000)\n"
+        "Order.open = stuck; cli.main()"
+    )
+    line = [sys.executable, "-c", script, "render", str(shots / SHOT), "-o", str(tmp_path)]
+    assert subprocess.run(line, cwd=ROOT, capture_output=True, check=False, timeout=100).returncode == 130
+
+
 # --- streams --------------------------------------------------------------------------------------------------------------------
 
 
