@@ -24,7 +24,7 @@ from .reading import MAX_PIXELS
 from .shading import Shading
 
 SCHEMA = 1
-BITS = range(10, 17)
+BITS = range(8, 17)
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
 # beyond the limits a render would overflow, without an error.
@@ -183,7 +183,7 @@ class SensorCalibration:
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
-        """A calibration for samples of `bits` bits (10 to 16), with the black level at a sixteenth of the range of codes.
+        """A calibration for samples of `bits` bits (8 to 16), with the black level at a sixteenth of the range of codes.
 
         headroom: True puts the white level below the highest code, by as much as the black level is above 0, so that additive noise
             is clipped at neither end. False puts it at the highest code, where a real sensor clips.

@@ -1,15 +1,15 @@
 """Raw frames as a camera driver delivers them: where the samples are in the bytes, and where a frame ends.
 
-The packed formats are those of MIPI CSI-2 (data types RAW10 and RAW12), which V4L2 and libcamera keep in memory as transmitted. The
-colour letters in their names (SRGGB10P 'pRAA', SBGGR10P 'pBAA', Y10P; libcamera: SRGGB10_CSI2P, R10_CSI2P) state the filters that
-the driver assumes. They are ignored here: the packing is the same.
+Packed formats are those of MIPI CSI-2 (data types RAW10, RAW12 and RAW14), which V4L2 and libcamera keep in memory as transmitted,
+and those of machine vision (GenICam PFNC 2.4; "Packed" in GigE Vision 1). The colour letters in names (SRGGB10P 'pRAA', BayerRG12p;
+libcamera: SRGGB10_CSI2P) state the filters that the driver assumes. They are ignored here: the packing is the same.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import reduce
 from io import RawIOBase
 from time import monotonic
 
@@ -23,48 +23,91 @@ from shared.spelling import meant
 
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
 _ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
-_STRIP = 16  # rows unpacked at a time; they fit into the cache, which doubles the speed
+_STRIP = 64  # rows unpacked at a time; they fit into the cache
 
 
 @dataclass(frozen=True)
 class _Packing:
-    """`pixels` samples of `bits` bits in `length` bytes."""
+    """`pixels` samples of `bits` bits in `length` bytes.
+
+    names: a pattern of the names of the format elsewhere, with the bits if they state them.
+    place: (sample of the group, its bit) -> the bit of the group, both from the lowest bit of the first byte on; None = words.
+    words: how NumPy names them.
+    """
 
     bits: int
     pixels: int
     length: int
+    names: str
+    place: Callable[[int, int], int] | None = None
+    words: str = ""
+
+    @property
+    def pieces(self) -> list[list[tuple[int, int, int, int]]]:
+        """Of each sample the parts that lie in one byte each: (byte, its lowest bit there, mask, its lowest bit in the sample)."""
+        samples = []
+        for sample in range(self.pixels):
+            places = [self.place(sample, bit) for bit in range(self.bits)] if self.place else []
+            firsts = [bit for bit, at in enumerate(places) if not bit or at % 8 == 0 or at != places[bit - 1] + 1]
+            counts = np.diff([*firsts, len(places)]).tolist()
+            samples.append(
+                [(places[first] // 8, places[first] % 8, (1 << n) - 1, first) for first, n in zip(firsts, counts, strict=True)]
+            )
+        return samples
 
 
+def _mipi(bits: int, pixels: int, names: str) -> _Packing:
+    """A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's lowest."""
+    low = bits - 8
+    return _Packing(
+        bits, pixels, pixels * bits // 8, names, lambda k, bit: 8 * k + bit - low if bit >= low else 8 * pixels + low * k + bit
+    )
+
+
+def _stream(bits: int, pixels: int, names: str) -> _Packing:
+    """One pixel behind the other, the lowest bits first."""
+    return _Packing(bits, pixels, pixels * bits // 8, names, lambda k, bit: bits * k + bit)
+
+
+def _gige(bits: int, names: str) -> _Packing:
+    """The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a byte."""
+    low = bits - 8
+    return _Packing(bits, 2, 3, names, lambda k, bit: 16 * k + bit - low if bit >= low else 8 + 4 * k + bit)
+
+
+_ORDERS = "(RGGB|BGGR|GRBG|GBRG)"
+_PFNC = "(Mono|Bayer(RG|BG|GR|GB)|SCF1(WBWG|WGWB|WGWR|WRWG))"
 FORMATS = {
-    # V4L2_PIX_FMT_SRGGB10P: four bytes with the upper 8 bits of four pixels, a fifth with their lower 2, the first pixel's lowest.
-    "raw10": _Packing(bits=10, pixels=4, length=5),
-    # V4L2_PIX_FMT_SRGGB12P: two bytes with the upper 8 bits of two pixels, a third with their lower 4, the first pixel's lowest.
-    "raw12": _Packing(bits=12, pixels=2, length=3),
-    # V4L2_PIX_FMT_SRGGB16 ('RG16'), and SRGGB10 ('RG10'), SRGGB12 ('RG12'), which use the lower bits only: a little-endian word.
-    "u16": _Packing(bits=16, pixels=1, length=2),
-}
-# Our names of these formats and those in libcamera, V4L2 and their tools, with the bits if the name states them.
-_NAMES = {
-    "raw10": r"raw10|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA",
-    "raw12": r"raw12|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC",
-    "u16": r"u16|(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y|Mono|SCF1[BGRW]{4})(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
+    "raw10": _mipi(10, 4, rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA"),
+    "raw12": _mipi(12, 2, rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC"),
+    "raw14": _mipi(14, 4, rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE"),
+    "mono10p": _stream(10, 4, f"{_PFNC}10p"),
+    "mono12p": _stream(12, 2, f"{_PFNC}12p"),
+    "mono14p": _stream(14, 4, f"{_PFNC}14p"),
+    "mono10packed": _gige(10, f"{_PFNC}10Packed"),
+    "mono12packed": _gige(12, f"{_PFNC}12Packed"),
+    "u8": _Packing(8, 1, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"),
+    "u16": _Packing(16, 1, 2, rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16", words="<u2"),
+    "u16be": _Packing(16, 1, 2, r"Y(?P<bits>10|12|14|16)[_-]?BE", words=">u2"),
 }
 
 
 def format_named(name: str) -> tuple[str, int]:
     """(key of FORMATS, bits of a sample) of a format. Raises InputError for an unknown one.
 
-    name: a key of FORMATS, or the name of the format in V4L2 or libcamera.
+    name: a key of FORMATS, or the name of the format in V4L2, libcamera or PFNC (GenICam).
     """
-    for ours, pattern in _NAMES.items():
-        if found := re.fullmatch(pattern, name):
-            return ours, int(found["bits"] or FORMATS[ours].bits)
+    for ours, packing in FORMATS.items():
+        if name == ours:
+            return ours, packing.bits
+        if found := re.fullmatch(packing.names, name):
+            return ours, int(found.groupdict().get("bits") or packing.bits)
     if "PISP_COMP" in name:
         raise InputError(
             f"the format {name} is a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
         )
     raise InputError(
-        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2 or libcamera{meant(name, FORMATS)}"
+        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2, libcamera or PFNC{meant(name, FORMATS)}"
     )
 
 
@@ -73,7 +116,7 @@ class FrameLayout:
     """Size and format of a frame: `height` lines of `stride` bytes, each with `width` samples at its beginning.
 
     width, height: pixels, 1 to 65500.
-    format: "raw10", "raw12" (MIPI CSI-2 packed) or "u16" (little-endian words).
+    format: a key of FORMATS.
     stride: bytes from one line to the next; 0 = no padding. rpicam-raw and v4l2-ctl print it; on a Raspberry Pi it is a multiple of
         32 or more.
     Raises InputError for a size that no frame has, and for a stride shorter than a line.
@@ -105,6 +148,11 @@ class FrameLayout:
         return FORMATS[self.format].bits
 
     @property
+    def has_words(self) -> bool:
+        """Whether samples are 16-bit words, of which they may use the lower bits only."""
+        return self.bits == 16
+
+    @property
     def line_bytes(self) -> int:
         """Bytes of a line without padding; the last group of packed pixels is always whole."""
         packing = FORMATS[self.format]
@@ -124,8 +172,9 @@ class FrameLayout:
             raise InputError(self.misfit(len(data)))
         lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[:, : self.line_bytes]
         codes = np.empty((self.height, self.width), np.uint16)
-        if self.format == "u16":
-            codes[:] = lines.view("<u2")
+        packing = FORMATS[self.format]
+        if packing.words:
+            codes[:] = lines.view(packing.words)
         else:
             self._unpack_groups(lines, codes)
         codes.flags.writeable = False
@@ -133,16 +182,13 @@ class FrameLayout:
 
     def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
         packing = FORMATS[self.format]
+        pieces = packing.pieces
         groups = np.empty((_STRIP, self.line_bytes // packing.length, packing.pixels), np.uint16)
-        # All samples of a group as one integer, so that a table adds their lower bits in one step.
-        whole = groups.view(f"u{2 * packing.pixels}")[..., 0]
         for top in range(0, self.height, _STRIP):
             packed = lines[top : top + _STRIP].reshape(-1, groups.shape[1], packing.length)
             count = len(packed)
-            for pixel in range(packing.pixels):
-                groups[:count, :, pixel] = packed[..., pixel]
-            groups <<= packing.bits - 8
-            whole[:count] |= self._lower_bits[packed[..., -1]]
+            for number, parts in enumerate(pieces):
+                groups[:count, :, number] = reduce(np.bitwise_or, (_part(packed[..., byte], *where) for byte, *where in parts))
             codes[top : top + count] = groups[:count].reshape(count, -1)[:, : self.width]
 
     def misfit(self, length: int) -> str:
@@ -172,14 +218,13 @@ class FrameLayout:
                 return f"`stride={stride}`"
         return ""
 
-    @cached_property
-    def _lower_bits(self) -> np.ndarray[tuple[int], np.dtype[np.unsignedinteger]]:
-        """Lower bits of all samples of a group, as one integer, for each of the 256 values of its last byte."""
-        packing = FORMATS[self.format]
-        lower = packing.bits - 8
-        shifts = lower * np.arange(packing.pixels)
-        samples = (np.arange(256)[:, None] >> shifts & ((1 << lower) - 1)).astype(np.uint16)
-        return samples.view(f"u{2 * packing.pixels}")[:, 0]
+
+def _part(column: ByteArray, first: int, mask: int, shift: int) -> CodeArray:
+    """Some bits of bytes, as a part of samples; see `_Packing.pieces`."""
+    bits = column if mask == 255 else column >> first & mask
+    part = bits.astype(np.uint16)
+    part <<= shift
+    return part
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         bits = self.calibration.bits
-        if bits > self.layout.bits or (self.layout.format != "u16" and bits != self.layout.bits):
+        if bits > self.layout.bits or (not self.layout.has_words and bits != self.layout.bits):
             raise InputError(
                 f"the calibration is for samples of {bits} bits, {self.layout.format} has {self.layout.bits}: "
                 "they belong to different modes of the sensor"

@@ -7,7 +7,7 @@ import imagecodecs
 import numpy as np
 
 from ..arrays import ByteArray, CodeArray
-from ..calibration import BITS, SensorCalibration
+from ..calibration import SensorCalibration
 from ..errors import ForeignFileError, InputError
 from ..jpeg_check import read_header
 from ..mosaic import Mosaic
@@ -23,6 +23,7 @@ from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photomet
 Layout = Literal["auto", "cfa", "linear"]
 
 _RECTANGULAR = 1
+_LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
@@ -39,9 +40,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     """
     pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
     photometric = _photometric(pattern, layout)
-    # DNG, and libjpeg for uint16, require more bits than a low white level has.
     with ThreadPoolExecutor(1, "samples") as pool:
-        compressed = pool.submit(raw_directory, codes, max(calibration.bits, BITS[0]), photometric)
+        compressed = pool.submit(raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric)
         digest = raw_digest(codes)
     raw = compressed.result()
     raw.fields.update(_levels(pattern, calibration))

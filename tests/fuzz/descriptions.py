@@ -26,9 +26,7 @@ from tools.scenes.drawn.builtin import builtin_scene
 
 RIGHT, REFUSED, REMARK, SILENT, MENDED, ASTRAY = "right", "refused", "remark", "SILENT", "mended", "LED ASTRAY"
 WRONG = ("stride", "width", "padding", "format", "period", "origin", "diagonal", "bits", "height", "packing", "everything")
-# What cameras send, with the bits of a sample; we read the first three.
-_SENT = {"raw10": 10, "raw12": 12, "u16": 12, "raw14": 14, "big-endian u16": 12, "8 bits": 12}
-_GROUPS = {"raw14": (4, 7), "big-endian u16": (1, 2), "8 bits": (1, 1)}  # pixels, and their bytes, of what FORMATS has not
+_SENT = {name: min(packing.bits, 14 if packing.place else 12) for name, packing in FORMATS.items()}  # bits of a sample
 _ORDERS = {"RGGB": ("GRBG", "GBRG"), "GRBG": ("RGGB", "BGGR"), "GBRG": ("RGGB", "BGGR"), "BGGR": ("GRBG", "GBRG")}
 _MOST_STEPS = 6
 
@@ -54,7 +52,7 @@ class Described:
     def sensor(self) -> Sensor:
         """Raises InputError as the command does."""
         layout = FrameLayout(self.width, self.height, self.format, self.stride)
-        bits = self.bits if layout.format == "u16" else layout.bits
+        bits = self.bits if layout.has_words else layout.bits
         return Sensor(layout, self.pattern, SensorCalibration.of_bits(bits, headroom=False))
 
     def advised(self, message: str, random: Random) -> "Described | None":
@@ -76,10 +74,10 @@ def case(seed: int, number: int) -> tuple[str, str]:
     """(What is wrong, the outcome) of a stream and its description; one in twelve is described rightly."""
     random = Random(f"{seed} {number}")
     wrong = (*WRONG, RIGHT)[number % (len(WRONG) + 1)]
-    sent = random.choice(list(_SENT if wrong in ("packing", "everything") else FORMATS))
+    sent = random.choice(list(FORMATS))
     period, order, bits = random.choice((3, 4, 5, 6, 8)), random.choice(list(_ORDERS)), _SENT[sent]
     width, height = random.randrange(160, 300, 2), random.randrange(128, 200)
-    pixels, length = _GROUPS.get(sent) or (FORMATS[sent].pixels, FORMATS[sent].length)
+    pixels, length = FORMATS[sent].pixels, FORMATS[sent].length
     stride = -(-width // pixels) * length + (64 if wrong == "padding" else random.choice((0, 2, 28, 64)))
     other = [name for name in FORMATS if name != sent]
     origin = random.randrange(period), random.randrange(period)

@@ -20,6 +20,15 @@ def test_a_name_is_as_good_as_letters(name: str) -> None:
     assert name_of(pattern.letters_from((1, 1))) == name  # as a file written elsewhere may have it
 
 
+@pytest.mark.parametrize("first", ["WBWG", "WGWB", "WGWR", "WRWG"])
+def test_genicams_sparse_colour_filter_is_kodaks_tile(first: str) -> None:
+    """Moved by whole 2 x 2 squares, so that W stays on the same diagonal."""
+    pattern = read_pattern(f"SCF1{first}")
+    assert pattern == CfaPattern.of_letters(f"scf1{first}")
+    assert (pattern.name, pattern.tile[0]) == ("Kodak", first)
+    assert all(pattern.tile[row][column] == "W" for row in range(4) for column in range(4) if (row + column) % 2 == 0)
+
+
 def test_the_papers_blocks_are_named_by_their_period() -> None:
     for period in (3, 4, 8, 16):
         assert CfaPattern.of_letters(f"K={period}") == CfaPattern.of_letters(f"k = {period}") == CfaPattern.bayer(period)

@@ -12,7 +12,6 @@ from shared.pattern import PERIODS, CfaPattern
 from ..frames import FORMATS, FrameLayout
 from .pattern_search import Found, find_pattern
 
-BIG_ENDIAN, BYTES, RAW14 = "big-endian u16", "8 bits", "raw14"
 _ENOUGH = 1 << 20  # samples, of which half show the pattern as well as all
 CLEARER = 1.3
 """Times as much variance explained, by which one reading of a frame is better than another."""
@@ -23,15 +22,14 @@ _OBVIOUS = 4 * PLAIN  # in few tiles too; rows that are shifted by two pixels ex
 _NEAR = 12  # periods by which a row may be longer or shorter
 _LEAST_GROUPS = 8  # of samples in a row
 _PARTS = (2, 3)  # rows that may be taken for one
-# Not supported, but recognised, so that the right remedy can be named: bytes of a group, and the type of those that are read.
-_FOREIGN = {BIG_ENDIAN: (2, ">u2"), BYTES: (1, "u1"), RAW14: (7, "4u1")}  # of raw14 the upper bytes of four samples
+_SEARCHED = ("raw10", "raw12", "u16", "u16be", "u8", "raw14")  # machine vision says which format it sends
 
 
 @dataclass(frozen=True)
 class Reading:
     """A reading of a frame in which the colour sites appear.
 
-    format: a key of FORMATS, BIG_ENDIAN, BYTES or RAW14.
+    format: a key of FORMATS.
     stride: bytes from one line to the next.
     skipped: bytes before the first sample, less than a group of packed samples.
     width: pixels, the declared ones if as many fit; otherwise those before the padding, whose bytes are the same in all rows.
@@ -74,8 +72,8 @@ def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: 
 
     Rows that are some whole periods too long, or several rows in one, show the pattern too, but at drifting places.
     """
-    packing = FORMATS.get(reading.format)
-    if packing is None or reading.skipped or reading.found.period != pattern.period:
+    packing = FORMATS[reading.format]
+    if reading.skipped or reading.found.period != pattern.period:
         return reading
     stride, step = reading.stride, pattern.period * packing.length // gcd(pattern.period * packing.length, packing.pixels)
     # Where every other pixel has a colour, rows that are shifted by a pixel or two show the pattern too.
@@ -121,8 +119,8 @@ def _candidates(layout: FrameLayout, strides: list[int]) -> Iterator[tuple[str, 
     for stride in strides:
         yield layout.format, stride, 0
     for stride in strides:
-        yield from ((name, stride, 0) for name in (*FORMATS, *_FOREIGN) if name != layout.format)
-    for name in FORMATS:  # without padding
+        yield from ((name, stride, 0) for name in _SEARCHED if name != layout.format)
+    for name in _SEARCHED:  # without padding
         tight = FrameLayout(layout.width, 1, name).stride
         if name != layout.format and tight not in strides:
             yield name, tight, 0
@@ -133,11 +131,6 @@ def _candidates(layout: FrameLayout, strides: list[int]) -> Iterator[tuple[str, 
 def _unpacked(data: memoryview, name: str, stride: int, width: int) -> CodeArray:
     height = len(data) // stride
     lines = data[: height * stride]
-    if name in _FOREIGN:
-        size, kind = _FOREIGN[name]
-        groups = np.frombuffer(lines, np.uint8).reshape(height, stride)[:, : stride // size * size].reshape(height, -1, size)
-        first = np.ascontiguousarray(groups[..., : np.dtype(kind).itemsize])
-        return first.view(np.dtype(kind).base).reshape(height, -1)[:, :width].astype(np.uint16)
     packing = FORMATS[name]
     fits = min(width, stride // packing.length * packing.pixels)
     if not fits or not height:

@@ -46,7 +46,7 @@ class Look:
 
     def levels_of(self, codes: CodeArray) -> Levels:
         """The levels of some samples of the frame."""
-        return Levels(codes, self.calibration, are_words=self.layout.format == "u16")
+        return Levels(codes, self.calibration, are_words=self.layout.has_words)
 
     @cached_property
     def wrong_levels(self) -> Proof | None:

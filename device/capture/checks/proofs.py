@@ -3,20 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from .layout_search import BIG_ENDIAN, BYTES, CLEARER, RAW14, Reading, refined
+from .layout_search import CLEARER, Reading, refined
 from .level_check import Proof
 from .look import Look
 from .pattern_search import Found, find_pattern
-
-_UNSUPPORTED = {
-    BIG_ENDIAN: ("its samples are words with the high byte first", "a source with little-endian words (swap the bytes)"),
-    BYTES: (
-        "its samples are single bytes",
-        "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U",
-    ),
-    RAW14: (f"its samples are packed as {RAW14}", "a mode of the camera with 10, 12 or 16 bits"),
-}
-"""Format that is recognised, but not read -> what is seen, and the remedy."""
 
 
 def proofs(look: Look) -> Iterator[Proof | None]:
@@ -62,10 +52,11 @@ def _clearer_readings(look: Look) -> Iterator[Reading]:
     reading = look.reading if look.searched else None
     if reading and reading.format != layout.format and is_clearer(reading.found):
         yield reading
-    if look.shown and layout.format == "u16":  # the low byte alone may show the pattern too, faintly
+    swapped_format = {"u16": "u16be", "u16be": "u16"}.get(layout.format)
+    if look.shown and swapped_format:  # the low byte alone may show the pattern too, faintly
         swapped = find_pattern(look.codes.byteswap(), look.pattern)
         if swapped and is_clearer(swapped):
-            yield Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped)
+            yield Reading(swapped_format, layout.stride, 0, layout.width, swapped)
 
 
 def _has_another_below(look: Look) -> bool:
@@ -122,9 +113,10 @@ def _misread(look: Look, reading: Reading) -> Proof:
     seen, options = [], []
     if reading.stride != layout.stride:
         seen.append(f"its rows repeat every {reading.stride} bytes, not {layout.stride}")
-    if reading.format in _UNSUPPORTED:
-        what, remedy = _UNSUPPORTED[reading.format]
-        return Proof(", and ".join([*seen, what]), remedy)
+    if reading.format == "u8":
+        seen.append("its samples are single bytes")
+        remedy = "`pixel_format=u8`, or unpacked frames, if that is a lossy compression: rpicam-raw --mode W:H:12:U"
+        return Proof(", and ".join(seen), remedy)
     if reading.format != layout.format:
         seen.append(f"its samples are packed as {reading.format}, not as {layout.format}")
         options.append(f"`pixel_format={reading.format}`")

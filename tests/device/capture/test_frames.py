@@ -31,6 +31,15 @@ def test_the_tables_of_v4l2() -> None:
     raw12 = bytes([0b11111111, 0b00000001, 0b1000_0111])
     assert FrameLayout(2, 1, "raw12").unpack(raw12).tolist() == [[0b111111110111, 0b11000]]
     assert FrameLayout(2, 1, "u16").unpack(bytes([0x34, 0x12, 0xFF, 0x00])).tolist() == [[0x1234, 0xFF]]
+    assert FrameLayout(2, 1, "u16be").unpack(bytes([0x12, 0x34, 0x00, 0xFF])).tolist() == [[0x1234, 0xFF]]
+
+
+def test_the_tables_of_machine_vision() -> None:
+    """0xABC and 0x123, and 0x2AB, 0x101, written out by hand: PFNC has the lowest bits first, GigE Vision the highest."""
+    assert FrameLayout(2, 1, "mono12p").unpack(bytes([0xBC, 0x3A, 0x12])).tolist() == [[0xABC, 0x123]]
+    assert FrameLayout(2, 1, "mono12packed").unpack(bytes([0xAB, 0x3C, 0x12])).tolist() == [[0xABC, 0x123]]
+    assert FrameLayout(2, 1, "mono10packed").unpack(bytes([0b10101010, 0b0001_0011, 0b01000000])).tolist() == [[0x2AB, 0x101]]
+    assert FrameLayout(2, 1, "mono10p").unpack(bytes([0xAB, 0b000001_10, 0b0100, 0, 0])).tolist() == [[0x2AB, 0x101]]
 
 
 @pytest.mark.parametrize(
@@ -39,7 +48,7 @@ def test_the_tables_of_v4l2() -> None:
         ((0, 4, "raw10"), "width is 0"),
         ((4, -1, "raw10"), "height is -1"),
         ((70000, 4, "raw10"), "width is 70000 pixels, expected 1 to 65500"),
-        ((4, 4, "raw14"), "'raw14' is unknown; one of raw10, raw12, u16"),
+        ((4, 4, "raw16"), "'raw16' is unknown; one of raw10, raw12, raw14"),
         ((8, 4, "raw10", 9), "stride is 9 bytes, but a line of 8 pixels in raw10 has 10"),
         ((8, 4, "u16", -16), "stride is -16"),
     ],
@@ -75,17 +84,38 @@ def test_a_frame_of_another_size_is_explained(length: int, words: str) -> None:
         ("SGBRG16", ("u16", 16)),
         ("SRGGB12", ("u16", 12)),
         ("Y14", ("u16", 14)),
+        ("Y14P", ("raw14", 14)),
+        ("SGRBG14_CSI2P", ("raw14", 14)),
+        ("pREE", ("raw14", 14)),
+        ("GREY", ("u8", 8)),
+        ("R8", ("u8", 8)),
+        ("BA81", ("u8", 8)),
+        ("R12", ("u16", 12)),
+        ("Y16_BE", ("u16be", 16)),
+        ("Mono8", ("u8", 8)),  # PFNC
+        ("Mono12", ("u16", 12)),
+        ("Mono10p", ("mono10p", 10)),
+        ("Mono12p", ("mono12p", 12)),
+        ("BayerRG12p", ("mono12p", 12)),
+        ("Mono10Packed", ("mono10packed", 10)),
+        ("Mono12Packed", ("mono12packed", 12)),
+        ("SCF1WBWG8", ("u8", 8)),
+        ("SCF1WGWB10", ("u16", 10)),
+        ("SCF1WGWR10p", ("mono10p", 10)),
+        ("SCF1WRWG12p", ("mono12p", 12)),
+        ("SCF1WBWG14", ("u16", 14)),
+        ("SCF1WBWG16", ("u16", 16)),
     ],
 )
 def test_the_names_of_v4l2_and_libcamera(name: str, meant: tuple[str, int]) -> None:
     assert format_named(name) == meant
 
 
-@pytest.mark.parametrize("name", ["", "RAW10", "SRGGB8", "SRGGB14P", "pREE", "YUYV", "XSRGGB10P", "SRGGB10P\n"])
+@pytest.mark.parametrize("name", ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "YUYV", "XSRGGB10P", "SRGGB10P\n"])
 def test_other_formats_are_refused(name: str) -> None:
     with pytest.raises(InputError, match=r"BGGR_PISP_COMP1 is a lossy compression.*--mode W:H:12:U"):
         format_named("BGGR_PISP_COMP1")
-    with pytest.raises(InputError, match="unknown; one of raw10, raw12, u16"):
+    with pytest.raises(InputError, match="unknown; one of raw10, raw12, raw14, mono10p"):
         format_named(name)
 
 

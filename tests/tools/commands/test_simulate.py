@@ -232,7 +232,7 @@ def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
     ("options", "words"),
     [
         (["--period", "2"], "the period is 2, expected 3 to 16"),
-        (["--sensor-bits", "9"], "9 bits: expected 10 to 16"),
+        (["--sensor-bits", "7"], "7 bits: expected 8 to 16"),
         (["--sigma", "-1"], "--sigma is -1.0, expected 0 or more"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is not a level of --protocol sensor, whose noise is set by --light"),
         (["--light", "2"], "--light is not a level of --protocol paper"),

@@ -57,7 +57,7 @@ def simulate(
     sigma: noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By default there is none.
     light: noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less): shot and read noise, clipping,
         quantisation. Give sigma or light, not both.
-    bits: of a sample, 10 to 16; 12 by default.
+    bits: of a sample, 8 to 16; 12 by default.
     seed: of the noise.
     channels: letters of an array's channels, in their order; by default "RGB", or those of the pattern if there are as many.
     linear: take the values of a picture file, or an array of integers, as linear light.
