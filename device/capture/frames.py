@@ -1,7 +1,7 @@
 """Raw frames as a camera driver delivers them: where the samples are in the bytes, and where a frame ends.
 
 Packed formats are those of MIPI CSI-2 (data types RAW10, RAW12 and RAW14), which V4L2 and libcamera keep in memory as transmitted,
-and those of machine vision (GenICam PFNC 2.4; "Packed" in GigE Vision 1). The colour letters in names (SRGGB10P 'pRAA', BayerRG12p;
+and those of machine vision (GenICam PFNC 2.4; "Packed" in GigE Vision 1). The colour letters in names (SRGGB10P 'pRAA';
 libcamera: SRGGB10_CSI2P) state the filters that the driver assumes. They are ignored here: the packing is the same.
 """
 
@@ -76,7 +76,7 @@ def _gige(bits: int, names: str) -> _Packing:
 
 
 _ORDERS = "(RGGB|BGGR|GRBG|GBRG)"
-_PFNC = "(Mono|Bayer(RG|BG|GR|GB)|SCF1(WBWG|WGWB|WGWR|WRWG))"
+_PFNC = "(Mono|SCF1(WBWG|WGWB|WGWR|WRWG))"
 FORMATS = {
     "raw10": _mipi(10, 4, rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA"),
     "raw12": _mipi(12, 2, rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC"),

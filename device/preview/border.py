@@ -7,8 +7,10 @@ outside, or is cut by the edge, repeats the nearest one inside.
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.arrays import BoolArray, CodeArray, IndexArray, mirrored
 from shared.pattern import CfaPattern
@@ -33,8 +35,8 @@ class ExtendedFrame:
         self._left = _outside(codes, pattern, (0, height), (columns[0], 0))
         self._right = _outside(codes, pattern, (0, height), (width, columns[1]))
 
-    def copy_rows(self, first: int, target: CodeArray) -> None:
-        """Fill `target`, uint16 (n, all columns), with the n rows from `first` on."""
+    def copy_rows(self, first: int, target: NDArray[Any]) -> None:
+        """Fill `target`, (n, all columns), with the n rows from `first` on."""
         (height, width), left = self._codes.shape, -self._columns[0]
         begin, end = (min(max(row, 0), height) - first for row in (first, first + len(target)))
         target[:begin] = self._above[first - self._rows[0] :][:begin]

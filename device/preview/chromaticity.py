@@ -46,7 +46,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     counts = [channels.count(channel) for channel in range(g.channels)]
     first, last = SATURATED
     shares = np.array([1 / counts[channel] for channel in channels])[:, None, None]
-    known = g.total(g("Mul", probes.samples, shares), len(channels), axis=0)
+    samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
+    known = g.total(samples, len(channels), axis=0)
     above = g("Add", g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)), -first / (last - first))
     filled = g("Add", filled, g("Mul", g("Relu", g("Sub", known, luminance)), g("Clip", above, 0.0, 1.0)))
 

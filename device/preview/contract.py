@@ -4,8 +4,8 @@
 and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
 origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
 
-Inputs, for a pattern of C channels; all but the first are float32:
-    mosaic  uint16 (rows, columns)  sensor codes, or finer ones without shading (`device.preview.even_light`)
+Inputs, for a pattern of C channels; float32 where nothing else is said:
+    mosaic  (rows, columns)         sensor codes, or finer ones without shading (`device.preview.even_light`); uint16 at scale 1
     black   (C + 1,)                black level per plane (the channels, then panchromatic), such codes
     scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7
@@ -21,12 +21,20 @@ Metadata: panchroma.contract (VERSION), .builder, .tile (letters from the first 
 .halo (pixels around the patches: above, below, left, right).
 """
 
+import numpy as np
+from numpy.typing import DTypeLike
+
 from shared.pattern import CfaPattern
 
-VERSION = "1"
+VERSION = "2"
 
 MOSAIC, BLACK, SCALE, GAMMA, NOISE, WHITE, MATRIX = "mosaic", "black", "scale", "gamma", "noise", "white", "matrix"
 PICTURE = "picture"
+
+
+def mosaic_type(scale: int) -> DTypeLike:
+    """Type of the input `mosaic`."""
+    return np.uint16 if scale == 1 else np.float32
 
 
 def tile_name(pattern: CfaPattern) -> str:

@@ -18,7 +18,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "6"
+BUILDER = "7"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change."""
 
 
@@ -48,7 +48,7 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
     channels = g.channels
     inputs: dict[str, tuple[int, Shape]] = {
-        contract.MOSAIC: (UINT16, ["rows", "columns"]),
+        contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         contract.BLACK: (FLOAT, [channels + 1]),
         contract.SCALE: (FLOAT, [channels + 1]),
         contract.GAMMA: (FLOAT, [channels]),

@@ -52,7 +52,8 @@ def measure_blocks(g: PatternGraph) -> Probes:
     """The probes of every block."""
     period, weights, count = g.geometry.pattern.period, g.geometry.probes.copy(), len(g.geometry.readings)
     weights[:count] -= weights[count : 2 * count]
-    image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
+    codes = g("Cast", contract.MOSAIC, to=FLOAT) if g.geometry.scale == 1 else contract.MOSAIC
+    image = g("Unsqueeze", codes, [0, 1])
     probes = g("Squeeze", g("Conv", image, weights[:, None], strides=[period, period]), [0])
     turn, columns, row_steps, column_steps, samples, *pixels = g.split(probes, g.geometry.kinds, axis=0)
     channels = [sites[0][2] for sites in g.geometry.readings]
@@ -152,7 +153,7 @@ def mean_light(g: PatternGraph, measured: str = "") -> tuple[list[str], str]:
     else:
         above, below, left, right = g.geometry.halo
         codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
-        image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
+        image = g("Unsqueeze", codes, [0, 1])
         sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2), [0])
         light = g("Sub", g("Mul", sums, 1 / counts), g.black)
         parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)

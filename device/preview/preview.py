@@ -79,8 +79,8 @@ class Preview:
         picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
         width = columns.patches * pattern.period
 
-        def develop(patches: range) -> None:
-            cut = np.empty((above + len(patches) * pattern.period + below, left + width + right), np.uint16)
+        def develop(patches: range, buffer: NDArray[Any]) -> None:
+            cut = buffer[: above + len(patches) * pattern.period + below]
             frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
             (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs})
             begin = patches.start * pattern.period // scale - rows.skip
@@ -90,14 +90,16 @@ class Preview:
 
         most = _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period)
         strips, taking = _strips(rows.patches, max(1, most)), Lock()
+        tallest = above + min(rows.patches, max(1, most)) * pattern.period + below
 
         def work(_: int) -> None:  # one task per thread, not per strip: handing over each strip takes 6 % longer (12 MP)
+            buffer = np.empty((tallest, left + width + right), contract.mosaic_type(scale))
             while True:
                 with taking:
                     patches = next(strips, None)
                 if patches is None:
                     return
-                develop(patches)
+                develop(patches, buffer)
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(self._threads, "preview") as pool:

@@ -74,7 +74,7 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
     frames.add_argument(
         "--pixel-format",
         metavar="NAME",
-        help=f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam, such as SRGGB10_CSI2P, pRCC, Y12P or Mono12p",
+        help=f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ...",
     )
     frames.add_argument(
         "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"

@@ -96,7 +96,6 @@ def test_a_frame_of_another_size_is_explained(length: int, words: str) -> None:
         ("Mono12", ("u16", 12)),
         ("Mono10p", ("mono10p", 10)),
         ("Mono12p", ("mono12p", 12)),
-        ("BayerRG12p", ("mono12p", 12)),
         ("Mono10Packed", ("mono10packed", 10)),
         ("Mono12Packed", ("mono12packed", 12)),
         ("SCF1WBWG8", ("u8", 8)),
