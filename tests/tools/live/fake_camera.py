@@ -53,7 +53,7 @@ def serve(folder: Path, height: int, width: int, name: str, code: int, lost: int
     size = ctypes.c_size_t()
     described = ctypes.c_void_p(aravis.arv_fake_camera_new(b"described"))
     xml = ctypes.string_at(aravis.arv_fake_camera_get_genicam_xml(described, ctypes.byref(size)), size.value).decode()
-    entry = f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
+    entry = "" if name == "Mono8" else f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
     before, mono, after = xml.partition('<EnumEntry Name="Mono8"')
     (folder / "camera.xml").write_text((before + entry + mono + after).replace("<Category", f"{_GAIN}<Category", 1))
     aravis.arv_set_fake_camera_genicam_filename(str(folder / "camera.xml").encode())

@@ -16,11 +16,14 @@ import pytest
 from shared import CfaPattern, read_dng
 from shared.errors import InputError
 from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
+from tests.device.packer import pack
 from tests.tools.command import Outcome, run, spawn, start
 from tests.tools.live.fake_camera import ALONE, LIBRARY, FakeCamera
 from tools.live.genicam import libraries
 
-MONO12, SCF1WGWR12 = ("Mono12", 0x01100005), ("SCF1WGWR12", 0x01100078)
+# PFNC's name and code, ours, bits.
+MONO8, MONO12, MONO12P = ("Mono8", 0x01080001, "u8", 8), ("Mono12", 0x01100005, "u16", 12), ("Mono12p", 0x010C0047, "mono12p", 12)
+SCF1WGWR12P = ("SCF1WGWR12p", 0x010C0079, "mono12p", 12)
 SOURCE = "genicam:127.0.0.1"
 TILE = ["--period", "6", "--origin", "2", "1"]
 Plug = Callable[..., FakeCamera]
@@ -49,8 +52,9 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
     """Connects a camera of this pattern."""
     cameras = []
 
-    def plugged(kind: tuple[str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0) -> FakeCamera:
-        cameras.append(FakeCamera(tmp_path, SIZE, *kind, codes(pattern).astype("<u2").tobytes(), lost))
+    def plugged(kind: tuple[str, int, str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0) -> FakeCamera:
+        name, code, ours, bits = kind
+        cameras.append(FakeCamera(tmp_path, SIZE, name, code, pack(codes(pattern, bits), ours), lost))
         return cameras[-1]
 
     yield plugged
@@ -67,19 +71,22 @@ def shots(folder: Path) -> list[Path]:
 
 
 @needs_camera
-def test_shots_have_the_cameras_samples_and_settings(plug: Plug, out: Path, tmp_path: Path) -> None:
-    camera, link = plug(), tmp_path / "latest"
+@pytest.mark.parametrize("kind", [MONO8, MONO12, MONO12P])
+def test_shots_have_the_cameras_samples_and_settings(
+    plug: Plug, out: Path, tmp_path: Path, kind: tuple[str, int, str, int]
+) -> None:
+    camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
     settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
     outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings)
     assert outcome.code == 0, outcome.err
     assert "incomplete" not in outcome.err
-    assert "Aravis Fake: 256 x 192 Mono12, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
+    assert f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
     assert link.resolve() == shots(out)[-1]
     for path in shots(out):
         mosaic = read_dng(path)
-        assert np.array_equal(mosaic.codes, codes())
+        assert np.array_equal(mosaic.codes, codes(bits=bits))
         assert mosaic.pattern == PATTERN
-        assert mosaic.calibration.bits == 12
+        assert mosaic.calibration.bits == bits
         told = mosaic.metadata
         assert (told.make, told.model, told.exposure_time, told.iso) == ("Aravis", "Fake", 0.02, 200)
         assert told.description == "gain 6 dB, 25 frames a second"
@@ -89,7 +96,7 @@ def test_shots_have_the_cameras_samples_and_settings(plug: Plug, out: Path, tmp_
 @needs_camera
 def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(plug: Plug, out: Path) -> None:
     pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
-    camera = plug(SCF1WGWR12, pattern)
+    camera = plug(SCF1WGWR12P, pattern)
     outcome = capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01")
     assert outcome.code == 0, outcome.err
     assert len(shots(out)) == 3
