@@ -24,6 +24,8 @@ _ALIKE = 0.15
 """Squared relative difference of colour at which the weight of a block in the pooling of another is a quarter."""
 _ALIKE_NOISE = 24.0
 """Multiple of the noise variance that a squared difference of colour must exceed to count in pooling."""
+_ALIKE_STROKES = 0.1
+"""Multiple of the change of luminance around a block, beyond its noise, that likewise has to be exceeded."""
 _STROKES = 10.0
 """Squared relative change of luminance around a block times this, plus 1, is what its colour counts less by in that of others."""
 _CONTRAST = 0.1
@@ -37,9 +39,8 @@ _SPREAD = 0.5
 def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
 
-    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1, but for
-    negative ones, which become 0. Where panchromatic samples are saturated, those of the block say how much light there is (Eq. 7):
-    with less, white would be yellow.
+    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1. Where
+    panchromatic samples are saturated, those of the block say how much light there is (Eq. 7): with less, white would be yellow.
     """
     filled, luminance, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
@@ -63,8 +64,7 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     parts = g("Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a)
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
-    found = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
-    return g("Relu", found)  # where a stroke hides the light that a site has, the other channels would be negative
+    return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
 
 
 class Pooled(NamedTuple):
@@ -92,8 +92,11 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     light = g("Max", blocks.luminance, g.floor)
     power = g("Mul", light, light)
     colours = g("Mul", parts, light)  # of two similar blocks the brighter one has less noise
-    alike = g("Add", g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE)), blocks.change)
-    sure = g("Div", power, g("Add", power, g("Mul", blocks.change, _STROKES)))
+    # What noise alone adds to both squared differences is no stroke (see `fill_holes`).
+    strokes = g("Relu", g("Sub", blocks.change, g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0)))
+    alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
+    alike = g("Add", alike, g("Mul", strokes, _ALIKE_STROKES))
+    sure = g("Div", power, g("Add", power, g("Mul", strokes, _STROKES)))
     mean = with_neighbours(g, g("Mul", colours, sure), similarity(g, colours, alike, 1), 1)
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])
     mean = with_neighbours(g, mean, similar, 2)

@@ -80,9 +80,11 @@ class Block:
         sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
         self.light: float = max(self.luminance, pattern_graph._FLOOR)
-        self.colours_of_light = self.light * np.maximum(self.chromaticity * np.array(mosaic.calibration.gamma), 0)
-        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance + self.change
-        self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * self.change)
+        self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
+        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
+        strokes = max(self.change - 2 * (pattern_graph._STILL + 2 * self.variance), 0)
+        self.alike += chromaticity._ALIKE_STROKES * strokes
+        self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * strokes)
         self.misread = self.variance + chromaticity._MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
