@@ -54,6 +54,7 @@ _MEDIAN = "PSNR of all patches, dB; higher is better."
 _TENTH = "PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better."
 _WHOLE = "PSNR of whole images, dB, mean over the scenes; higher is better."
 _HUE = "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better."
+_UNEVEN = "Pixels whose error of a*, b* is 10 from that of the pixels around of the same true colour, %; lower is better."
 _FADED = "How far the colour kept in five bins of luminance is from all of it, on the mean, %; lower is better."
 CRITERIA = (
     *(Criterion(name, f"median {of}", f"{name}_q50", f"Median {of} {_MEDIAN}") for of, name, _ in _PLANES),
@@ -61,7 +62,8 @@ CRITERIA = (
     *(Criterion(f"psnr{end}", f"whole image, {of}", f"psnr{end}", f"{of} {_WHOLE}") for of, _, end in _PLANES),
     Criterion("ssim", "SSIM", "ssim", "SSIM of whole images, mean over the scenes; higher is better.", 1, "", 3, 0.0005),
     Criterion("wrong_hue", "wrong hue", "wrong_hue", _HUE, -1, " % of the pixels", scale=100.0),
+    Criterion("uneven_hue", "uneven hue", "uneven_hue", _UNEVEN, -1, " % of the pixels", scale=100.0),
     Criterion("faded", "faded colour", "faded", _FADED, -1, " %", even=0.5, scale=100.0),
 )
-RGB, LUMINANCE, CHROMINANCE, _, _, TENTH_CHROMINANCE, WHOLE, _, _, SSIM, HUE, _ = CRITERIA
+RGB, LUMINANCE, CHROMINANCE, _, _, TENTH_CHROMINANCE, WHOLE, _, _, SSIM, HUE, _, _ = CRITERIA
 """Those of the worst tenth and of whole images without a name are those in RGB."""

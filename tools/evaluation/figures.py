@@ -30,9 +30,10 @@ class Figure:
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     scenes: number of scenes.
     values: by name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
-        psnr_PLANE), dB; ssim; wrong_hue, the share of the pixels that show a wrong hue, 0 to 1, None where red, green and blue are
-        not measured; kept_1 to kept_5, the slopes of `colour_kept` from dark to bright, and faded, the mean of their distances
-        from 1, None where there is no colour. What is of whole pictures is the mean over the scenes; kept is of all their pixels.
+        psnr_PLANE), dB; ssim; wrong_hue and uneven_hue, the shares of the pixels that show a wrong hue, and another one than their
+        object does, 0 to 1, None where red, green and blue are not measured; kept_1 to kept_5, the slopes of `colour_kept` from
+        dark to bright, and faded, the mean of their distances from 1, None where there is no colour. What is of whole pictures is
+        the mean over the scenes; kept is of all their pixels.
     """
 
     group: str
@@ -197,8 +198,9 @@ def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | No
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
     values["ssim"] = float(np.mean([each.ssim for each in parts]))
-    hues = [each.wrong_hue for each in parts if each.wrong_hue is not None]
-    values["wrong_hue"] = float(np.mean(hues)) if len(hues) == len(parts) else None
+    for name in ("wrong_hue", "uneven_hue"):
+        hues = [share for each in parts if (share := getattr(each, name)) is not None]
+        values[name] = float(np.mean(hues)) if len(hues) == len(parts) else None
     seen, true = np.sum([each.kept for each in parts], axis=0)
     slopes = [float(one / all_) if all_ else None for one, all_ in zip(seen, true, strict=True)]
     values |= {f"kept_{place + 1}": slope for place, slope in enumerate(slopes)}

@@ -19,14 +19,26 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
 
     rendered, truth: (H, W, 3), linear, scene units.
     """
-    mean = np.maximum(truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
-    gain = mean.mean() / mean  # white balance
-    luminance = truth @ (gain * SRGB_TO_XYZ[1])
-    gain *= _BRIGHT / max(float(np.quantile(luminance, _BRIGHT_SHARE)), _DARKEST)
-    wrong = np.empty(truth.shape[:2], bool)
+    gain, wrong = _gain(truth), np.empty(truth.shape[:2], bool)
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
         wrong[rows] = delta_e_2000(_lab(gain * rendered[rows]), _lab(gain * truth[rows])) > WRONG
     return wrong
+
+
+def displayed(picture: FloatArray, truth: FloatArray) -> FloatArray:
+    """A picture as `wrong_hue` shows it, float32 (H, W, 3), CIELAB."""
+    gain, shown = _gain(truth), np.empty(picture.shape, np.float32)
+    for rows in strips(len(picture)):
+        shown[rows] = _lab(gain * picture[rows])
+    return shown
+
+
+def _gain(truth: FloatArray) -> DoubleArray:
+    mean = np.maximum(truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
+    gain = mean.mean() / mean  # white balance
+    luminance = truth @ (gain * SRGB_TO_XYZ[1])
+    result: DoubleArray = gain * _BRIGHT / max(float(np.quantile(luminance, _BRIGHT_SHARE)), _DARKEST)
+    return result
 
 
 def _lab(balanced: DoubleArray) -> DoubleArray:

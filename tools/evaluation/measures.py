@@ -15,6 +15,7 @@ from tools.scenes.scene import RGB
 from .colour_kept import PLACES, colour_kept
 from .hue import wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
+from .one_hue import uneven_hue
 from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")
@@ -68,6 +69,7 @@ class Measures:
     psnr: of the whole picture without its border, dB, one for each of PLANES.
     ssim: of the same.
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
+    uneven_hue: share of those whose hue is not that of their object (see `uneven_hue`), likewise.
     kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
@@ -78,6 +80,7 @@ class Measures:
     psnr: tuple[float, float, float]
     ssim: float
     wrong_hue: float | None
+    uneven_hue: float | None
     kept: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
@@ -92,13 +95,15 @@ class Measures:
         maps = patch_psnr(rendered, truth)
         places = [channels.index(letter) for letter in RGB if letter in channels]
         visible = len(places) == len(RGB)
-        wrong = wrong_hue(rendered[..., places], truth[..., places]) if visible else np.zeros(truth.shape[:2], bool)
+        shown, inner = (rendered[..., places], truth[..., places]), (slice(BORDER, -BORDER),) * 2
+        wrong = wrong_hue(*shown) if visible else np.zeros(truth.shape[:2], bool)
         return cls(
             Quality.of(maps),
             whole_psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
-            float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()) if visible else None,
-            colour_kept(rendered[..., places], truth[..., places]) if visible else np.zeros((2, len(PLACES))),
+            float(wrong[inner].mean()) if visible else None,
+            float(uneven_hue(*shown)[inner].mean()) if visible else None,
+            colour_kept(*shown) if visible else np.zeros((2, len(PLACES))),
             tuple(Histogram.of(plane) for plane in maps),
             _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
             _window_means(wrong.astype(np.float64)),
@@ -109,7 +114,8 @@ class Measures:
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array(self.quality)
-        whole = np.array([*self.psnr, self.ssim, np.nan if self.wrong_hue is None else self.wrong_hue])
+        hues = self.wrong_hue, self.uneven_hue
+        whole = np.array([*self.psnr, self.ssim, *(np.nan if each is None else each for each in hues)])
         np.savez_compressed(buffer, quality=quality, whole=whole, kept=self.kept, errors=self.errors, hues=self.hues, **parts)
         return buffer.getvalue()
 
@@ -120,10 +126,10 @@ class Measures:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
-                *psnr, ssim_, hue = stored["whole"].tolist()
-                wrong = None if np.isnan(hue) else hue
+                *psnr, ssim_, wrong, uneven = stored["whole"].tolist()
+                wrong, uneven = (None if np.isnan(each) else each for each in (wrong, uneven))
                 rest = (stored[name] for name in ("errors", "hues"))
-                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, stored["kept"], parts, *rest)
+                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, uneven, stored["kept"], parts, *rest)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 
