@@ -103,7 +103,7 @@ def _fitted(
     lit = whole > np.float32(_LEAST_SLOPE)
     mixture = np.where(lit, ratios / np.where(lit, whole, 1), np.float32(1 / len(seen)))
     total, noisy = smoothed(np.stack([weight, weight * noise]), _WIDTH)
-    least = (np.float32(_CONTRAST) * level) ** 2 + noisy / total
+    least = (np.float32(_CONTRAST) * np.maximum(level, np.float32(dark))) ** 2 + noisy / total
     slope, error = np.empty_like(means), np.zeros_like(total)
     for channel, (x, y, middle, mean, single) in enumerate(zip(light, seen, levels, means, mixture, strict=True)):
         planes = (weight * plane for plane in (x, y, x**2, x * y, y**2))  # one at a time, for memory

@@ -24,7 +24,7 @@ class _Methods(dict[str, Method]):
     def __missing__(self, name: str) -> Method:
         if not name.endswith(network.ENDING):
             raise KeyError(name)
-        return self.setdefault(name, network.network(name))
+        return network.network(name)  # not kept: the list is of methods that anyone has
 
 
 @cache

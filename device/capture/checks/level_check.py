@@ -17,7 +17,10 @@ _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _PILE = 8  # samples at the highest code that show that light was clipped there
 _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
 _SAME = 0.85  # a colour filter that passes more than this, of what all filters pass together, is none
-_LEAST, _WORD = 8, 16  # bits of the samples of any sensor, and of a word into whose upper bits some drivers shift them
+_LEAST, _WORD = (
+    10,
+    16,
+)  # bits of the samples of sensors, but those of 8; and of a word into whose upper bits some drivers shift them
 _HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely brighter
 _UNUSED = 2  # bits
 
@@ -68,7 +71,7 @@ class Levels:
         shift = (used & -used).bit_length() - 1 if used else 0
         self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
 
-        self._bits = max(self._highest.bit_length(), _LEAST)
+        self._bits = max(self._highest.bit_length(), min(calibration.bits, _LEAST))
         self._bits += self._bits % 2
 
     def wrong(self, *, in_right_format: bool) -> Proof | None:

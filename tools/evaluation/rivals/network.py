@@ -80,6 +80,7 @@ class Contract:
         return low, (1 + self.offset) ** (1 / self.gamma) - low
 
 
+@cache
 def network(path: str) -> Method:
     """The method of a network. Raises InputError, which names the file that is missing or wrong and says what was expected."""
     said = Path(path).with_suffix(".json")

@@ -40,7 +40,8 @@ GREY = leaves(*SIZE).mean(axis=2)
 
 
 def sensor(layout: FrameLayout, pattern: CfaPattern = PATTERN, bits: int = 0) -> Sensor:
-    return Sensor(layout, pattern, SensorCalibration.of_bits(bits or min(layout.bits, 12), headroom=False))
+    bits = bits or (min(layout.bits, 12) if layout.has_words else layout.bits)
+    return Sensor(layout, pattern, SensorCalibration.of_bits(bits, headroom=False))
 
 
 def of(
