@@ -64,7 +64,8 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     planes = np.stack([chi[0] * informed, informed, chi[1], np.ones_like(informed)]) * known
     by_samples, weight, by_estimates, total = smoothed(planes, _WIDTH)
     told = (weight / total) ** 2
-    share = np.maximum(_believed(by_samples / weight, _OWN) * told, _believed(by_estimates / total, _ESTIMATED))
+    deviation = by_samples / np.maximum(weight, np.float32(_TINY))
+    share = np.maximum(_believed(deviation, _OWN) * told, _believed(by_estimates / total, _ESTIMATED))
     return replace(lines, share=share * unclipped)
 
 
