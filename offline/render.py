@@ -211,7 +211,8 @@ def _measured(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> M
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     measured = coloured(frame, luminance, settings, progress)
-    return replace(measured, calibration=replace(measured.calibration, shading=mosaic.calibration.shading))
+    del frame, luminance  # for memory
+    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=mosaic.calibration.shading))
 
 
 def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
@@ -257,7 +258,7 @@ def coloured(
     progress: Progress = SILENT,
     others: Others | None = None,
 ) -> Measured:
-    """The colour of every block of a frame, and its luminance once colour is known.
+    """The colour of every block of a frame. Its luminance is that which was given: `settled` changes it.
 
     luminance: (H, W), filled in and denoised, scene units.
     others: what the other frames of a burst know.
@@ -277,9 +278,15 @@ def coloured(
     if not settings.asks_for_sites:
         return measured
     lines = colour_lines(frame, luminance, blocks, settings.lines)
-    samples = replace(block_samples(frame, luminance, alone), lines=lines)
-    luminance = settle_luminance(luminance, blocks, samples, measured.gamma, settings.settling)
-    return replace(measured, luminance=luminance, samples=samples)
+    return replace(measured, samples=replace(block_samples(frame, luminance, alone), lines=lines))
+
+
+def settled(measured: Measured, settings: RenderSettings) -> Measured:
+    """A frame with the luminance that its colour makes most probable; the frame's samples are not needed for it any more."""
+    if (samples := measured.samples) is None:
+        return measured
+    luminance = settle_luminance(measured.luminance, measured.blocks, samples, measured.gamma, settings.settling)
+    return replace(measured, luminance=luminance)
 
 
 def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Mosaic:

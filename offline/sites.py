@@ -19,7 +19,7 @@ photographs; twice or half of each changes the result by a few hundredths of a d
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import DoubleArray, FloatArray, strips
 from shared.site_errors import nearness
 
 from .blocks import Sites, curvature
@@ -89,22 +89,32 @@ def settle_luminance(
     """
     if not settings.used:
         return luminance
-    sites, light = measured.sites, measured.sites.of(luminance)
-    colour = np.take(sites.whole(blocks) * gamma, sites.channels, axis=2)
+    settled, places, height = luminance.copy(), measured.sites.places, measured.sites.shape[0]
+    reach = len(gaussian(_WIDTH)) // 2
+    for inner in strips(height):
+        rows = slice(max(inner.start - reach, 0), min(inner.stop + reach, height))
+        delta = _missing_light(luminance, blocks, measured, rows, gamma)[inner.start - rows.start :]
+        for site, place in enumerate(places):
+            at_site = settled[place][inner]
+            at_site += delta[: len(at_site), :, site]
+    return settled
+
+
+def _missing_light(luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray) -> FloatArray:
+    """The most probable error of luminance at the sites of these rows of blocks, (rows, columns, S); see `settle_luminance`."""
+    sites = measured.sites
+    light = np.stack([luminance[place][rows] for place in sites.places], axis=2)
+    colour = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
     shown = colour * light
     if (lines := measured.lines) is not None:
-        offset, slope = (np.moveaxis(plane[sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
+        offset, slope = (np.moveaxis(plane[:, rows][sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
         apart, least = offset + slope * light - shown, np.square(np.float32(EVEN) * light).mean(axis=2)
         far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
-        share = (lines.share * (1 - least / far))[..., None]
+        share = (lines.share[rows] * (1 - least / far))[..., None]
         shown += share * apart
         colour += share * (slope - colour)
-    missed = (measured.samples * gamma[sites.channels] - shown) * measured.unclipped[..., None]
-    delta, _ = most_probable(missed.astype(np.float32, copy=False), colour, measured, slice(None), gamma)
-    settled = luminance.copy()
-    for site, place in enumerate(sites.places):
-        settled[place] += delta[..., site]
-    return settled
+    missed = (measured.samples[rows] * gamma[sites.channels] - shown) * measured.unclipped[rows, :, None]
+    return most_probable(missed.astype(np.float32, copy=False), colour, measured, rows, gamma)[0]
 
 
 def most_probable(

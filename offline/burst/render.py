@@ -18,7 +18,7 @@ from shared.progress import SILENT, Progress
 
 from ..measured import Measured
 from ..parts import RowStage
-from ..render import Others, colour_bands, coloured, row_stages
+from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
@@ -116,5 +116,6 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     if merged.unseen is not None:
         alone = np.maximum(alone, sites.of(merged.unseen).mean(axis=2))
     # Where the reference is not alone, others measure luminance under its sites.
-    measured = coloured(cleaned, luminance, settings, SILENT, Others(sums, alone.astype(np.float32)))
+    others = Others(sums, alone.astype(np.float32))
+    measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
     return measured, samples.relit(measured.luminance - luminance), merged.shares

@@ -76,12 +76,14 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
 
 def _errors(frame: Cleaned, light: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Variances of what a block shows of a channel, float32 (rows, columns): what strokes under it cause, and noise."""
-    around, noise, gamma, channels = frame.around, frame.noise, frame.gamma, frame.sites.channels
+    sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
+    around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     span = (around.highest - around.lowest).astype(np.float32)
+    del around
     variance = np.zeros_like(span)
     if noise is not None:
         span = np.maximum(span - np.float32(_RANGE) * np.sqrt(noise.variance(light)), 0)
-        each = noise.variance(frame.samples.astype(np.float32), channels) * gamma[channels] ** 2
+        each = noise.variance(sites.of(frame.signal), channels) * gamma[channels] ** 2
         variance = (each / np.bincount(channels)[channels] ** 2).sum(axis=2).astype(np.float32) / np.float32(len(gamma))
     return (np.float32(_STROKES / len(gamma)) * span) ** 2, variance
 
