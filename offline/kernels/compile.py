@@ -17,7 +17,6 @@ import numpy as np
 from llvmlite import binding
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.codegen import JITCodeLibrary
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic as _intrinsic
@@ -33,7 +32,6 @@ _IMPORT = re.compile(r"^from (\.+|shared\.)([\w.]+) import ", re.MULTILINE)
 _SHARED = Path(__file__).parents[2] / "shared"
 # Numba asks whether there is a BLAS, and so loads SciPy's linear algebra, for a quarter of a second. No kernel needs it.
 _BLAS = "scipy.linalg.cython_blas"
-_WRAPPER = "_ZN7cpython"  # how Numba begins the names of functions that Python calls
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
@@ -106,17 +104,6 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return name is not None and Path(self._cache_path, name).exists()
 
 
-class _Library(JITCodeLibrary):  # type: ignore[misc]
-    """The code of a function. If Python cannot call it, it is not optimised here, but where it has become part of a kernel.
-
-    The kernel's code is the same; to compile it takes three quarters of the time.
-    """
-
-    def _optimize_final_module(self) -> None:
-        if any(each.name.startswith(_WRAPPER) for each in self.get_defined_functions()):
-            super()._optimize_final_module()
-
-
 def _announce() -> None:
     """Tell who listens that a kernel is about to be compiled, and load what Numba then needs."""
     if "numba.np.arraymath" not in sys.modules and _BLAS not in sys.modules:
@@ -159,12 +146,7 @@ class ParallelKernel(Generic[P]):
             if not self.ready:
                 if not isinstance(self._dispatcher._cache, _Cache):
                     _announce()
-                codegen = self._dispatcher.targetctx.codegen()
-                usual, codegen._library_class = codegen._library_class, _Library
-                try:
-                    self._dispatcher.compile(self._types())
-                finally:
-                    codegen._library_class = usual
+                self._dispatcher.compile(self._types())
                 self._dispatcher.disable_compile()
                 self.ready = True
 
