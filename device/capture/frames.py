@@ -44,7 +44,10 @@ class _Packing:
 
     @property
     def pieces(self) -> list[list[tuple[int, int, int, int]]]:
-        """Of each sample the parts that lie in one byte each: (byte, its lowest bit there, mask, its lowest bit in the sample)."""
+        """How each sample of a group is put together: a list of parts, each a run of bits that lies in one byte.
+
+        A part is (byte of the group, its lowest bit in that byte, mask of as many bits, its lowest bit in the sample).
+        """
         samples = []
         for sample in range(self.pixels):
             places = [self.place(sample, bit) for bit in range(self.bits)] if self.place else []

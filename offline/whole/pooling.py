@@ -27,9 +27,8 @@ _AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chr
 _FAINTEST, _STRONGEST = 0.15, 3.0  # its range, in units of grey
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance
 _EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected
-_APART = (
-    0.42  # units of grey: how far from it a chromaticity may well be; with 0.3, dark colours fade, with 0.6 there is more noise
-)
+# Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours fade; with 0.6, noise grows.
+_APART = 0.42
 
 
 def pool_blocks(

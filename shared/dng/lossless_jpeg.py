@@ -88,7 +88,7 @@ def _huffman(counts: list[int]) -> list[int]:
 
 
 def _entries(symbols: list[int], lengths: list[int], bits: int) -> _Entries:
-    """Of each difference modulo 2**16 the bits that stand for it, and from bit `_NUMBER` on how many they are."""
+    """The Huffman code and extra bits of every difference modulo 2**16; the number of these bits stands from bit `_NUMBER` on."""
     codes, code, before = [0] * len(symbols), 0, 0
     for symbol in symbols:
         code <<= lengths[symbol] - before

@@ -17,10 +17,8 @@ _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _PILE = 8  # samples at the highest code that show that light was clipped there
 _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
 _SAME = 0.85  # a colour filter that passes more than this, of what all filters pass together, is none
-_LEAST, _WORD = (
-    10,
-    16,
-)  # bits of the samples of sensors, but those of 8; and of a word into whose upper bits some drivers shift them
+_LEAST = 10  # bits of the samples of any sensor but those of 8 bits
+_WORD = 16  # bits of a word, into whose upper bits some drivers shift samples
 _HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely brighter
 _UNUSED = 2  # bits
 
