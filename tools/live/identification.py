@@ -54,6 +54,7 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     found = identify(codes)
     if found is None:
         raise InputError(NOTHING)
+    others = _exchanged(found.tile)
     clear = np.array([[letter == PANCHROMATIC for letter in row] for row in found.tile])
     gap = float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light)) if clear.any() else None
     return {
@@ -70,8 +71,8 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
         "open": UNKNOWN in "".join(found.tile),
         "light": found.light.round(4).tolist(),
         "pattern": _described(found.tile),
-        "exchangeable": bool(_exchanged(found.tile)),
-        "alternatives": [each for tile in _exchanged(found.tile) if (each := _described(tile))],
+        "exchangeable": bool(others),
+        "alternatives": [each for tile in others if (each := _described(tile))],
     }
 
 
