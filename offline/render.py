@@ -95,23 +95,22 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
     'affinity'
     """
-    samples, gamma = measured.samples, measured.gamma
-    stages: list[RowStage] = [Propagation(measured, settings.affinity, settings.propagation, progress)]  # c, Eqs. 10-14
-    if settings.refinement.used:
-        stages.append(Refinement(measured, settings.refinement))  # c+, Eqs. 15-16
-    if settings.lines.used and samples is not None and samples.lines is not None:
-        stages.append(OnLines(samples.sites, samples.lines, gamma))
+    samples, gamma, shading = measured.samples, measured.gamma, measured.calibration.shading
+    stages: list[RowStage | None] = [
+        Propagation(measured, settings.affinity, settings.propagation, progress),  # c, Eqs. 10-14
+        Refinement(measured, settings.refinement) if settings.refinement.used else None,  # c+, Eqs. 15-16
+    ]
     if samples is not None:
-        stages.append(Missed(samples, gamma))
-        if measured.pattern.is_scattered and settings.pinning.used:
-            stages.append(Pinning(measured, samples, progress))
-        elif settings.correction.used:
-            stages.append(Correction(samples, gamma))
-        if settings.learned.used and (network := network_for(measured.pattern)):
-            stages.append(Learned(network, samples, gamma))
-    if measured.calibration.shading is not None:
-        stages.append(EvenLight(measured.calibration.shading, measured.shape))
-    return stages
+        lines, pinned = samples.lines, measured.pattern.is_scattered and settings.pinning.used
+        stages += [
+            OnLines(samples.sites, lines, gamma) if lines is not None and settings.lines.used else None,
+            Missed(samples, gamma),
+            Pinning(measured, samples, progress) if pinned else None,
+            Correction(samples, gamma) if settings.correction.used and not pinned else None,
+            Learned(network, samples, gamma) if settings.learned.used and (network := network_for(measured.pattern)) else None,
+        ]
+    stages.append(EvenLight(shading, measured.shape) if shading is not None else None)
+    return [stage for stage in stages if stage is not None]
 
 
 Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
@@ -294,7 +293,7 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SI
     if (lens := mosaic.calibration.aberration) is None:
         return mosaic
     # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
-    rough, plain = settings.uncorrected, replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
+    rough, plain = settings.switched(False), replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
     progress.stage("aberration", mosaic.shape[0])
     measured = _measured(plain, rough, SILENT)  # needs the most memory, and comes before what is kept beside it
     return without_aberration(mosaic, lens, parts_of(measured, rough), progress)

@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .stage_settings import (
     ALL_TRUSTED,
     NO_LINES,
     NOT_SETTLED,
     OFF,
-    ON,
     LineSettings,
     SettlingSettings,
     StageSettings,
@@ -279,9 +278,10 @@ class RefinementSettings(StageSettings):
 class RenderSettings:
     """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
 
+    Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none.
     correction shares out what the picture misses at the colour sites (`rows.correction`), pinning does so where these are scattered
     (`rows.pinning`), and learned corrects chromaticity by a network that has seen photographs, where there is one for the pattern
-    (`rows.learned`). The paper has none of these.
+    (`rows.learned`).
 
     >>> from dataclasses import replace
     >>> from offline import BEST, PAPER
@@ -313,17 +313,17 @@ class RenderSettings:
 
         If not, `Mosaic.in_scene_units` renders to the same picture, unless the lens has lateral chromatic aberration.
         """
-        return self.defects.used or self.highlights.used or self.trust.used or self.asks_for_sites
+        return self.defects.used or self.highlights.used or self.asks_for_sites
 
     @property
     def asks_for_sites(self) -> bool:
-        """Whether a stage looks at what a picture misses at the colour sites."""
-        return any(each.used for each in (self.lines, self.settling, self.correction, self.pinning, self.learned))
+        """Whether a switch is on: these stages look at the samples of the colour sites, or at what the picture misses there."""
+        return any(each.used for each in vars(self).values() if isinstance(each, Switch))
 
-    @property
-    def uncorrected(self) -> "RenderSettings":
-        """These settings without the stages that look at what a picture misses at the colour sites."""
-        return replace(self, trust=ALL_TRUSTED, lines=NO_LINES, settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
+    def switched(self, used: bool) -> "RenderSettings":
+        """These settings with every `Switch` on or off."""
+        switches: dict[str, Any] = {name: replace(each, used=used) for name, each in vars(self).items() if isinstance(each, Switch)}
+        return replace(self, **switches)
 
 
 PAPER = RenderSettings()
@@ -337,12 +337,6 @@ BEST = RenderSettings(
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
-    trust=TrustSettings(used=True),
-    lines=LineSettings(used=True),
-    settling=SettlingSettings(used=True),
-    correction=ON,
-    pinning=ON,
-    learned=ON,
-)
+).switched(True)
 PRESETS = {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}
 """The presets by name; unlearned is best without the network that corrects colour."""

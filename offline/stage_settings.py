@@ -62,4 +62,4 @@ class TrustSettings(Switch):
         require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
-ON, OFF, NO_LINES, NOT_SETTLED, ALL_TRUSTED = Switch(used=True), Switch(), LineSettings(), SettlingSettings(), TrustSettings()
+OFF, NO_LINES, NOT_SETTLED, ALL_TRUSTED = Switch(), LineSettings(), SettlingSettings(), TrustSettings()

@@ -9,6 +9,7 @@ import pytest
 
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
 from offline.settings import PoolingPass
+from offline.stage_settings import Switch
 from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
@@ -20,6 +21,7 @@ SEEN = 1e-4
 
 Change = tuple[Any, float | None]
 PRESETS = {"paper": PAPER, "best": BEST}
+SWITCHES = [part.name for part in fields(PAPER) if isinstance(getattr(PAPER, part.name), Switch)]
 # Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
 # has none and knows nothing of it), or with BLIND, what it does not know.
 BLIND, SCATTERED = -0.05, 0.0  # the latter without noise, and with colour sites that are scattered
@@ -41,17 +43,13 @@ MOVED: dict[str, dict[str, Change]] = {
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
+    **{name: {"used": (False, None)} for name in SWITCHES},
     "trust": {"used": (False, None), "tolerance": (0.05, None)},
-    "lines": {"used": (False, None)},
-    "settling": {"used": (False, None)},
-    "correction": {"used": (False, None)},
     "pinning": {"used": (False, SCATTERED)},
-    "learned": {"used": (False, None)},
 }
 # Parts that a damaged shot has need of, whose colours are on a line.
 BEYOND = ("defects", "highlights", "lines")
-_ADDED = {"noise", "denoising", "pooling", "trust", "lines", "settling", "correction", "pinning", "learned"}
-OFF = {"paper": {*BEYOND, *_ADDED}, "best": {"refinement"}}
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", *SWITCHES}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:

@@ -81,7 +81,7 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
     mosaic = simulate_additive(scene, KODAK, SensorCalibration(), 0.0, np.random.default_rng(0))
     pinned, plain = (
         render(mosaic).rgb,
-        render(mosaic, BEST.uncorrected).rgb,
+        render(mosaic, BEST.switched(False)).rgb,
     )
     inside = slice(8, -8)
     assert np.square(pinned - scene)[inside, inside].mean() < 0.7 * np.square(plain - scene)[inside, inside].mean()

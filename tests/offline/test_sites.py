@@ -9,7 +9,7 @@ from offline.parts import Part
 from offline.rows.correction import Missed, correct_sites
 from offline.settings import BEST, ChromaticitySettings
 from offline.sites import settle_luminance, site_reach
-from offline.stage_settings import OFF, ON
+from offline.stage_settings import Switch
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
@@ -87,10 +87,10 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     gamma = mosaic.calibration.gamma
     expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma)
     measured = sampled(mosaic, light)
-    found = settle_luminance(light, blocks, measured, np.array(gamma, np.float32), ON)
+    found = settle_luminance(light, blocks, measured, np.array(gamma, np.float32), Switch(used=True))
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
-    assert settle_luminance(light, blocks, measured, np.array(gamma, np.float32), OFF) is light
+    assert settle_luminance(light, blocks, measured, np.array(gamma, np.float32), Switch()) is light
 
 
 def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
@@ -103,7 +103,7 @@ def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
     blocks = (scene / true[..., None])[places].astype(np.float32)
     measured = sampled(mosaic, light)
-    found = settle_luminance(light, blocks, measured, np.array(mosaic.calibration.gamma, np.float32), ON)
+    found = settle_luminance(light, blocks, measured, np.array(mosaic.calibration.gamma, np.float32), Switch(used=True))
     before, after = (float(np.square(each - true).mean()) for each in (light, found))
     assert after < 0.5 * before
 

@@ -20,7 +20,7 @@ from tools.scenes.scene import Scene
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
-_UNCORRECTED = replace(BEST.uncorrected, chromaticity=replace(BEST.chromaticity, mismatch=0.0))
+_UNCORRECTED = replace(BEST.switched(False), chromaticity=replace(BEST.chromaticity, mismatch=0.0))
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),
