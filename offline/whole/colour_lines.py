@@ -3,7 +3,8 @@
 Where an ink lies on paper, every pixel is a mixture of both, and each channel is a linear function of luminance: a colour line.
 Black print has one chromaticity at any luminance; a red word runs from paper to ink. The line of many blocks is known far better
 than the chromaticity of any one of them, whose luminance is filled in and wrong where strokes pass. And it tells the colour of
-strokes that meet no block. It is wrong where there are several colours of one luminance.
+strokes that meet no block. It is wrong where there are several colours of one luminance. Errors of single blocks have any sign, so
+what blocks close by agree on is no error: it leads the line.
 
 So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: how far the blocks are from the
 line, in units of the errors that strokes under them cause. These are estimated from the range of the panchromatic samples around
@@ -24,6 +25,7 @@ from ..measured import EVEN, ColourLines
 from ..stage_settings import Switch
 
 _WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
+_CLOSE = 2.0  # blocks: that of the blocks whose colour leads a line; with 3, or if led by less, bright places fade in noise
 _STROKES = 0.1  # error of luminance under a block, as a share of the range of the samples around it
 _LINEAR = 0.1  # share of the light by which colours may depart from a line where it is fitted
 _CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity
@@ -56,6 +58,7 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     departure = (np.float32(_LINEAR / len(gamma)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
     lines = _fitted(light, seen, known / (even + noise), known / (strokes + noise + departure), noise, dark)
     variance, free = even + strokes, len(gamma) - 1  # of luminance, and of the sample
+    lines = _led(lines, light, seen, mean, known / (variance + noise))
     own = _apart(seen - lines.at(light)) - free * noise
     estimated = _apart(np.moveaxis(sites.whole(blocks), 2, 0) * gamma * mean - lines.at(mean))
     # A sample counts as far as it tells more than noise. Of estimated blocks pooling has taken the noise off.
@@ -126,6 +129,21 @@ def _fitted(
     # James and Stein: what errors may cause is taken off the differences of slopes.
     odd *= np.maximum(1 - np.float32(_DEVIATIONS**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0)
     return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
+
+
+def _led(lines: ColourLines, light: FloatArray, seen: FloatArray, mean: FloatArray, weight: FloatArray) -> ColourLines:
+    """Lines with the chromaticity that the blocks close by agree on, beyond the error of its mean: it is no error of single blocks.
+
+    light, seen: as in `_fitted`. mean: luminance, (rows, columns). weight: inverse of the variance of `seen`, (rows, columns).
+    """
+    rest = seen - lines.at(light)
+    rest -= rest.mean(axis=0)
+    power = smoothed(weight * mean**2, _CLOSE) + np.float32(_TINY)
+    tint = smoothed(weight * mean * rest, _CLOSE) / power
+    # The sum of squared weights, where a Gaussian squared is a narrower Gaussian.
+    error = smoothed(weight * mean**2, _CLOSE / 2**0.5) / power * np.float32((len(seen) - 1) / (4 * np.pi * _CLOSE**2)) / power
+    tint *= np.maximum(1 - error / np.maximum((tint**2).sum(axis=0), np.float32(_TINY)), 0)  # James and Stein
+    return replace(lines, slope=lines.slope + tint)
 
 
 def _apart(colours: FloatArray) -> FloatArray:

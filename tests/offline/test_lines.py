@@ -101,6 +101,14 @@ def test_several_colours_of_one_luminance_are_no_line() -> None:
     assert lines.share.max() < 0.1
 
 
+def test_what_many_blocks_agree_on_is_kept() -> None:
+    """Tinted papers beside each other, eight blocks wide: a line keeps most of their colours."""
+    tint = 0.02 * np.where(np.arange(288) // 48 % 2, 1, -1)[:, None] * (1, 0, -1)
+    lines = lines_of(printed((150, 288), np.full(3, 0.06), np.full(3, 0.8)) * (1 + tint), CfaPattern.bayer(6))
+    true, (red, _, blue) = 0.8 * tint[::6, 0], lines.at(np.full_like(lines.share, 2.4))
+    assert ((red - blue) @ true).mean() > 0.6 * 2 * (true @ true)
+
+
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 @pytest.mark.parametrize("letters", ["RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW", "kodak"])
 def test_black_print_stays_black(letters: str, sigma: float) -> None:

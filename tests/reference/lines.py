@@ -66,6 +66,15 @@ def colour_lines(
             odd *= max(1 - constants._DEVIATIONS**2 * error / (odd @ odd), 0)
         offset[here], slope[here] = -odd * middle.mean(), mixture + odd
 
+    close, square = _nearness(shape, constants._CLOSE), mean**2 / (even + strokes + variance)
+    rest = seen - offset - slope * light
+    rest -= rest.mean(axis=1, keepdims=True)
+    for here, each in enumerate(close):
+        tint = (each * square / mean) @ rest / (each @ square)
+        squares = _nearness(shape, constants._CLOSE / np.sqrt(2))[here] @ square / (4 * np.pi * constants._CLOSE**2)
+        error = (count - 1) * squares / (each @ square) ** 2
+        slope[here] += tint * max(1 - error / max(tint @ tint, 1e-30), 0)
+
     def apart(colours: DoubleArray) -> DoubleArray:
         return ((colours - colours.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)  # type: ignore[no-any-return]
 
