@@ -3,6 +3,7 @@
 Run it after raising the number, and say in the change what is different. (Before the first release the number may stay.)
 """
 
+import argparse
 import hashlib
 import json
 from dataclasses import dataclass
@@ -72,6 +73,7 @@ def _compiler() -> str:
 
 def main() -> None:
     """Write both files."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     made = now()
     facts = {"algorithm": made.algorithm, "made_by": made.made_by, "digests": made.digests}
     _FACTS.write_text(json.dumps(facts, indent=1) + "\n")

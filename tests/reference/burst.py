@@ -7,23 +7,11 @@ from scipy.sparse.linalg import spsolve
 
 from offline.burst import Motion
 from shared.arrays import BoolArray, DoubleArray, IndexArray
+from tests.reference.geometry import keys
 
 ROUNDS, FILLED, SPARSE = 4, 0.05, 0.05
 NARROW, WIDE = (np.exp(-(np.arange(-4 * sigma, 4 * sigma + 1) ** 2) / (2 * sigma**2)) for sigma in (0.5, 2))
 NARROW, WIDE = NARROW / NARROW.sum(), WIDE / WIDE.sum()
-
-
-def keys(plane: DoubleArray, y: float, x: float) -> float:
-    """Bicubic interpolation (Keys 1981, a = -1/2), the nearest pixel beyond the edges."""
-
-    def taps(t: float) -> list[float]:
-        distances = [1 + t, t, 1 - t, 2 - t]
-        return [1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2 for d in distances]
-
-    top, left = int(np.floor(y)), int(np.floor(x))
-    rows = np.clip(np.arange(top - 1, top + 3), 0, plane.shape[0] - 1)
-    columns = np.clip(np.arange(left - 1, left + 3), 0, plane.shape[1] - 1)
-    return float(np.array(taps(y - top)) @ plane[np.ix_(rows, columns)] @ np.array(taps(x - left)))
 
 
 def corners(y: float, x: float, shape: tuple[int, ...]) -> list[tuple[int, int, float]]:

@@ -6,7 +6,10 @@ Coordinates are frame pixels and may be negative or past the frame, where the pi
 from itertools import product
 from typing import NamedTuple
 
+import numpy as np
+
 from shared import CfaPattern
+from shared.arrays import DoubleArray
 
 
 class Block(NamedTuple):
@@ -99,3 +102,16 @@ def is_whole(pattern: CfaPattern, shape: tuple[int, int], index: tuple[int, int]
     """Whether the block's rectangle lies inside the frame."""
     found, (top, left) = block(pattern), block_corner(pattern, index)
     return min(top, left) >= 0 and top + found.height <= shape[0] and left + found.width <= shape[1]
+
+
+def keys(plane: DoubleArray, y: float, x: float) -> float:
+    """Bicubic interpolation (Keys 1981, a = -1/2), the nearest pixel beyond the edges."""
+
+    def taps(t: float) -> list[float]:
+        distances = [1 + t, t, 1 - t, 2 - t]
+        return [1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2 for d in distances]
+
+    top, left = int(np.floor(y)), int(np.floor(x))
+    rows = np.clip(np.arange(top - 1, top + 3), 0, plane.shape[0] - 1)
+    columns = np.clip(np.arange(left - 1, left + 3), 0, plane.shape[1] - 1)
+    return float(np.array(taps(y - top)) @ plane[np.ix_(rows, columns)] @ np.array(taps(x - left)))

@@ -8,24 +8,6 @@ from shared.arrays import DoubleArray, FloatArray
 from tests.reference.geometry import letter
 
 
-def keys(distance: float) -> float:
-    """The kernel of cubic convolution (Keys 1981, Eq. 15)."""
-    s = abs(distance)
-    if s < 1:
-        return 1.5 * s**3 - 2.5 * s**2 + 1
-    return -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2 if s < 2 else 0.0
-
-
-def between(values: DoubleArray, down: float, across: float) -> float:
-    """A coarse image interpolated at (down, across), in its own pixels; beyond its border it is constant."""
-    rows, columns = values.shape
-    total = 0.0
-    for i in range(math.floor(down) - 1, math.floor(down) + 3):
-        for j in range(math.floor(across) - 1, math.floor(across) + 3):
-            total += keys(down - i) * keys(across - j) * values[min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)]
-    return total
-
-
 def raised(
     signal: FloatArray,
     pattern: CfaPattern,

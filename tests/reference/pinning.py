@@ -9,8 +9,7 @@ from shared import CfaPattern
 from shared.arrays import DoubleArray
 from tests.reference import sites
 from tests.reference.gaussian import blur
-from tests.reference.geometry import block_corner
-from tests.reference.highlights import between
+from tests.reference.geometry import block_corner, keys
 
 
 def pin(
@@ -45,8 +44,8 @@ def pin(
     base = np.empty_like(chromaticity)
     for y, x in np.ndindex(*shape):
         place = (np.array([y, x]) - origin) / period
-        wide = np.array([between(plane, *place) for plane in np.moveaxis(around, 2, 0)])
-        part = between(share, *(place - first))
+        wide = np.array([keys(plane, *place) for plane in np.moveaxis(around, 2, 0)])
+        part = keys(share, *(place - first))
         base[y, x] = chromaticity[y, x] + part * (wide - chromaticity[y, x])
 
     smooth = _laplacian(luminance)

@@ -17,6 +17,7 @@ from .motion import MOST_DEGREES, displaced, reach
 from .moving_thing import MovingThing
 
 MOST_PIXELS, MOST_STOPS = 1000.0, 10.0
+STILL = Motion()
 _TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
 _SHUTTER_SPEED = 37377  # Exif's other statement of the exposure time
 
@@ -62,21 +63,15 @@ class SimulatedFrame:
     """One frame of a burst.
 
     rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
-    moved: from the reference to it: (down, across, degrees clockwise), pixels of the sensor.
+    motion: where it sees what the reference sees, pixels of the sensor.
     stops: its exposure; None = it is no part of a bracket.
     thing: (row, column, radius) of the moving thing at this time, pixels, as the reference would see it; None = there is none.
     """
 
     rgb: FloatArray
-    moved: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    motion: Motion = STILL
     stops: float | None = None
     thing: tuple[float, float, float] | None = None
-
-    @property
-    def motion(self) -> Motion:
-        """Where it sees what the reference sees."""
-        down, across, degrees = self.moved
-        return Motion((down, across), -math.radians(degrees))
 
     @property
     def exposure(self) -> float:
@@ -110,21 +105,21 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     return mean
 
 
-def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[tuple[float, float, float]]:
-    """(down, across, degrees) of a burst's frames: a random walk from the first frame on, which stays within the burst's limits.
+def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
+    """How a burst's frames have moved: a random walk from the first frame on, which stays within the burst's limits.
 
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
-    >>> first, 0 < math.hypot(*second[:2]) <= 3, second[2]
-    ((0.0, 0.0, 0.0), True, 0.0)
+    >>> first.none, 0 < math.hypot(*second.shift) <= 3
+    (True, True)
     """
-    walk = [(0.0, 0.0, 0.0)]
+    walk = [(0.0, 0.0, 0.0)]  # down, across, degrees clockwise
     while len(walk) < burst.frames:
         steps = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2]).tolist()
         down, across, degrees = (last + step for last, step in zip(walk[-1], steps, strict=True))
         if math.hypot(down, across) <= burst.pixels and abs(degrees) <= burst.degrees:
             walk.append((down, across, degrees))
-    return walk
+    return [Motion((down, across), -math.radians(degrees)) for down, across, degrees in walk]
 
 
 def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generator, pixel: int = 1) -> Iterator[SimulatedFrame]:
@@ -153,12 +148,12 @@ def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generato
         )
     walk = tremor(burst, rng)
     thing = MovingThing.drawn(scene, margin * pixel, burst.frames, pixel, rng) if burst.moving else None
-    for number, moved in enumerate(walk):
+    for number, motion in enumerate(walk):
         stops = burst.stops[number] if burst.stops else None
-        frame = SimulatedFrame(scene, moved, stops, _on_sensor(thing, number, margin, pixel) if thing else None)
+        frame = SimulatedFrame(scene, motion, stops, _on_sensor(thing, number, margin, pixel) if thing else None)
         light = thing.before(scene, number) if thing else scene
-        if not frame.motion.none:
-            light = displaced(light, frame.motion.times(pixel)).clip(0)  # interpolation overshoots
+        if not motion.none:
+            light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
         light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
         yield replace(frame, rgb=reduced(light, pixel))
 
@@ -176,13 +171,16 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
     shape: rows and columns of each.
     """
     described: dict[str, Any] = {
-        "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y + sin(a) x + down, "
-        "x' = cos(a) x - sin(a) y + across of a frame, from `centre`; a = degrees; pixels, rows down and columns to the right",
+        "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - sin(a) x + down, "
+        "x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = degrees, counter-clockwise; "
+        "pixels, rows down and columns to the right",
         "centre": [(count - 1) / 2 for count in shape],
         "reference": next(iter(frames)),
         "frames": {
             name: {
-                **dict(zip(("down", "across", "degrees"), frame.moved, strict=True)),
+                "down": frame.motion.shift[0],
+                "across": frame.motion.shift[1],
+                "degrees": math.degrees(frame.motion.angle),
                 **({} if frame.stops is None else {"stops": frame.stops}),
                 **({} if frame.thing is None else {"thing": dict(zip(("row", "column", "radius"), frame.thing, strict=True))}),
             }

@@ -10,6 +10,7 @@ from shared import CfaPattern
 from tests.offline.scenes import every_case
 from tests.reference import highlights as reference
 from tests.reference.compare import assert_close
+from tests.reference.geometry import keys
 
 ROUNDING = 1e-5  # float32 values of size one
 CLIPPING, APART, FAINT = 0.7, 0.4, 0.05
@@ -23,7 +24,7 @@ def test_interpolation_is_cubic_convolution(pattern: CfaPattern, shape: tuple[in
     found = np.empty(shape, np.float32)
     interpolate(values, first, pattern.period, found)
     expected = [
-        reference.between(values.astype(np.float64), (row - first[0]) / pattern.period, (column - first[1]) / pattern.period)
+        keys(values.astype(np.float64), (row - first[0]) / pattern.period, (column - first[1]) / pattern.period)
         for row, column in np.ndindex(shape)
     ]
     assert_close(found, np.reshape(expected, shape), ROUNDING)

@@ -10,6 +10,7 @@ from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.reference import burst as reference
 from tests.reference.compare import assert_close
+from tests.reference.geometry import keys
 
 FLOAT32 = 2e-5  # four rounds of sums of float32, at places that are float32 as well
 SHAPE, PATTERN = (26, 34), CfaPattern.bayer(6)
@@ -60,7 +61,7 @@ def test_equals_the_reference(noise: list[list[float]]) -> None:
     y, x = (float(each) for each in MOTIONS[2].back(np.array(at[0], np.float32), np.array(at[1], np.float32), SHAPE))
     assert weight[2, 1, 2, 1] == agreement[2, round(y), round(x)] / np.float32(255)
     if weight[2, 1, 2, 1]:
-        assert light_at[2, 1, 2, 1] == pytest.approx(reference.keys(fine, 2 * y, 2 * x), abs=1e-4)
+        assert light_at[2, 1, 2, 1] == pytest.approx(keys(fine, 2 * y, 2 * x), abs=1e-4)
 
 
 def test_shows_more_than_one_frame_can() -> None:
@@ -86,7 +87,7 @@ def test_displaces_a_frame() -> None:
     down, across = MOTIONS[2].places(slice(None), SHAPE)
     outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
     assert np.array_equal(np.isnan(shown), outside)
-    assert shown[13, 17] == pytest.approx(reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5)
+    assert shown[13, 17] == pytest.approx(keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5)
 
 
 @pytest.mark.parametrize(

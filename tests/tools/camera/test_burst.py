@@ -33,14 +33,15 @@ def test_the_examples(documented: object) -> None:
 
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
-    walk = np.array(tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random()))
-    assert not walk[0].any()
-    shifts, angles = walk[:, :2], walk[:, 2]
+    walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
+    assert walk[0].none
+    shifts, angles = (np.array([getattr(motion, name) for motion in walk]) for name in ("shift", "angle"))
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
-    assert 0.25 < np.abs(angles).max() <= 0.3
+    assert 0.25 < np.degrees(np.abs(angles).max()) <= 0.3
     assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16  # every sixteenth of a pixel is met
-    assert tremor(HAND, random()) == tremor(HAND, random()) != tremor(HAND, random(1))
+    shift, same, other = (tremor(HAND, random(seed))[1].shift for seed in (0, 0, 1))
+    assert shift == same != other
 
 
 def test_without_motion_every_frame_is_the_scene(leaves: FloatArray) -> None:

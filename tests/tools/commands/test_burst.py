@@ -79,7 +79,7 @@ def test_machines_learn_what_became_of_each_frame(taken: Path, out: Path) -> Non
     for each in record["frames"]:
         true = truth[Path(each["source"]).name]
         assert (each["right"], each["down"]) == pytest.approx((true["across"], true["down"]), abs=0.2)
-        assert each["degrees"] == pytest.approx(-true["degrees"], abs=0.1)  # counter-clockwise here
+        assert each["degrees"] == pytest.approx(true["degrees"], abs=0.1)
         assert each["gain"] == pytest.approx(1, abs=0.02)
 
 

@@ -1,6 +1,7 @@
 """`panchroma simulate`: scenes become shots, every option counts, and what is no scene costs one line."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -188,7 +189,8 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
         shot = read_dng(out / name)
         known = simulate_additive(frame.rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(3, name))
         assert np.array_equal(shot.codes, known.codes)
-        assert tuple(told["frames"][name][each] for each in ("down", "across", "degrees")) == frame.moved
+        assert tuple(told["frames"][name][each] for each in ("down", "across")) == frame.motion.shift
+        assert math.radians(told["frames"][name]["degrees"]) == pytest.approx(frame.motion.angle)
         assert tuple(told["frames"][name]["thing"].values()) == frame.thing
         assert told["centre"] == [(count - 1) / 2 for count in shot.shape]
     assert told["reference"] == FRAMES[0]

@@ -2,6 +2,7 @@
 
 import struct
 from datetime import datetime
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +20,7 @@ from shared.white_balance import shades_of_grey
 from tests.python import run_python
 from tools.scenes.camera_colour import camera_to_xyz
 from tools.scenes.camera_raw import bayer_pattern
+from tools.scenes.exif_reading import raw_directories
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
@@ -145,6 +147,17 @@ def test_capture_data(tmp_path: Path) -> None:
     assert metadata.exposure_time == pytest.approx(0.02)
     assert metadata.orientation == 6
     assert (metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 3
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_holds(tmp_path: Path, order: Any) -> None:
+    held = []
+    for make in ("First", "Second"):
+        file, fields = BytesIO(), [(271, "s", 0, make, True)]
+        tifffile.imwrite(file, np.zeros((2, 2), np.uint8), byteorder=order, metadata=None, extratags=fields)
+        held.append(file.getvalue())
+    (tmp_path / "other.raf").write_bytes(b"FUJIFILMCCD-RAW II*" + held[0] + held[1])
+    assert raw_directories(tmp_path / "other.raf").main[271].values == b"First\0"
 
 
 X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
