@@ -68,6 +68,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.onnx",
         help="compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed",
     )
+    what.add_argument(
+        "--show",
+        nargs="+",
+        default=[],
+        metavar="NAME=SCENE:ROW,COLUMN",
+        help="show this square of a photograph in the gallery, under this name",
+    )
     what.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
@@ -78,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.evaluation.page.gallery import render_gallery
+    from tools.evaluation.page.gallery import Named, render_gallery
     from tools.evaluation.page.page import build_page
     from tools.evaluation.strokes import measure_strokes
     from tools.evaluation.study import collect, tasks
@@ -91,6 +98,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         refuse_existing(outputs)
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
+    try:
+        named = [Named.of(text) for text in arguments.show]
+        for each in named:
+            each.crop(study, study.levels[0])
+    except InputError as error:
+        raise InputError(f"--show: {error}") from None
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
@@ -113,7 +126,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.page:
-        page = build_page(figures, render_gallery(figures, team), program, [*failures, *left_out])
+        page = build_page(figures, render_gallery(figures, team, named), program, [*failures, *left_out])
         write_durably(folder / _PAGE, page, overwrite=arguments.overwrite)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))

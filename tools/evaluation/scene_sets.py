@@ -39,6 +39,7 @@ class SceneInfo:
     group: one of SETS.
     digest: of its pixels, after cutting.
     rows, columns: after cutting.
+    origin: row and column of its first pixel before cutting.
     neutral: what white reads, one value per channel; None = unknown.
     notes: remarks for the user on how the file was interpreted.
     channels: the letters of its channels.
@@ -53,6 +54,7 @@ class SceneInfo:
     neutral: tuple[float, ...] | None
     notes: tuple[str, ...] = ()
     channels: str = RGB
+    origin: tuple[int, int] = (0, 0)
 
     @property
     def megapixels(self) -> float:
@@ -75,24 +77,26 @@ class Reading:
 
     def scene(self, source: str) -> Scene:
         """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
-        return _loaded(source, self)
+        return _loaded(source, self)[0]
 
     def info(self, source: str) -> SceneInfo:
         """Facts about the scene. Raises InputError as `scene` does."""
-        scene = _loaded(source, self)
+        scene, origin = _loaded(source, self)
         group = MEASURED if self.linear and scene.channels == RGB else _group(source, scene)
         neutral = _neutral(scene, group)
-        return SceneInfo(source, scene.name, group, digest(scene.rgb), *scene.shape, neutral, scene.notes, scene.channels)
+        return SceneInfo(source, scene.name, group, digest(scene.rgb), *scene.shape, neutral, scene.notes, scene.channels, origin)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
-def _loaded(source: str, reading: Reading) -> Scene:
+def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int]]:
+    """The scene, cut, and `SceneInfo.origin`."""
     scene = _load(source, reading)
+    origin = [_kept(size, reading.largest).start for size in scene.shape]
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
         raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
-    return replace(scene, rgb=rgb)
+    return replace(scene, rgb=rgb), (origin[0], origin[1])
 
 
 def _load(source: str, reading: Reading) -> Scene:
@@ -107,9 +111,14 @@ def _load(source: str, reading: Reading) -> Scene:
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
     """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most that many pixels each way."""
-    rows, columns = (min(size, largest or size) // CROP * CROP for size in rgb.shape[:2])
-    top, left = ((size - kept) // 2 if largest else 0 for size, kept in zip(rgb.shape[:2], (rows, columns), strict=True))
-    return np.ascontiguousarray(rgb[top : top + rows, left : left + columns])
+    rows, columns = (_kept(size, largest) for size in rgb.shape[:2])
+    return np.ascontiguousarray(rgb[rows, columns])
+
+
+def _kept(size: int, largest: int | None) -> slice:
+    kept = min(size, largest or size) // CROP * CROP
+    first = (size - kept) // 2 if largest else 0
+    return slice(first, first + kept)
 
 
 def digest(rgb: FloatArray) -> str:

@@ -1,5 +1,6 @@
-"""The page: verdict, plots, gallery and all tables in one HTML file that needs no network."""
+"""The page: two pictures, verdict, plots, gallery and all tables in one HTML file that needs no network."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
@@ -33,12 +34,13 @@ from ..strokes import MARGIN
 from ..study import Study
 from ..tiles import Tile
 from ..verdict import capital, caveats, heading, headline, losses
-from .gallery import WHY_PATTERNS, Exhibit, Rendered
+from .gallery import REASONS, WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rendered
 from .plots import noise_plots
 
 _HERE = files("tools.evaluation.page")
 _FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
 _SIDE = 12  # SVG units of a pixel of a pattern
+_CHOSEN = "The squares shown are those where our lead on the best rival, and its lead on ours, are largest."
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
@@ -61,9 +63,12 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
         "Scenes": _scenes_section(figures, failures),
     }
     shown = {name: text for name, text in sections.items() if text}
+    opened = [found for why in (WHY_AHEAD, WHY_BEHIND) if (found := _clearest(others, why))]
     slider = "vendor/img-comparison-slider"
     names = (f"<dt>{escape(name)}</dt><dd>{escape(methods()[name].title)}</dd>" for name in study.methods)
     parts = {
+        "opening": "".join(_opened(each) for each in opened),
+        "first": escape(" ".join([*map(headline, figures.sets[:1]), *(_CHOSEN for _ in opened[:1])])),
         "lede": escape(sensors(figures)),
         "navigation": " ".join(f'<a href="#{name.lower()}">{name}</a>' for name in shown),
         "sections": "\n".join(f'<section id="{name.lower()}">{text}</section>' for name, text in shown.items()),
@@ -86,14 +91,43 @@ def _read(name: str) -> str:
     return (_HERE / name).read_text("utf-8")
 
 
+def _clearest(exhibits: Sequence[Exhibit], why: str) -> Exhibit | None:
+    """The exhibit there for a reason in which ours and the best rival differ most."""
+    return max((each for each in exhibits if each.crop.why == why), key=lambda each: abs(_lead(each)), default=None)
+
+
+def _lead(exhibit: Exhibit) -> float:
+    """How much closer to the truth our best is than the best rival, dB."""
+    rival, ours = (exhibit.pictures[place].psnr or 0.0 for place in exhibit.shown)
+    return ours - rival
+
+
+def _opened(exhibit: Exhibit) -> str:
+    """Truth, our best and the best rival side by side."""
+    rival, ours = (exhibit.pictures[place] for place in exhibit.shown)
+    pictures = "".join(
+        f'<figure><img src="{_data(each)}" alt="{escape(each.name)}"><figcaption{css_class("ours" * each.ours)}>'
+        f"{escape(each.caption)}</figcaption></figure>"
+        for each in (exhibit.pictures[0], ours, rival)
+    )
+    title = f"{capital(exhibit.crop.why)}: {exhibit.crop.scene.name}, {exhibit.crop.level.text}"
+    return f"<div><h2>{escape(title)}</h2>{pictures}</div>"
+
+
 def _table(content: Table) -> str:
-    """A table with its best marked; "" without rows."""
-    rows = []
+    """A table with the best of each column marked, unless another reads the same; "" without rows."""
+    rows, columns = [], [Counter(texts) for texts in zip(*(each.texts for each in content.rows), strict=True)]
     for each in content.rows:
         best = each.best or [False] * len(each.texts)
-        cells = [cell(text, best=mark, mark="★ ") for text, mark in zip(each.texts, best, strict=True)]
+        alone = [mark and column[text] == 1 for mark, column, text in zip(best, columns, each.texts, strict=True)]
+        cells = [cell(text, best=mark, mark="★ ") for text, mark in zip(each.texts, alone, strict=True)]
         rows.append(row([row_title(each.title), *cells], each.kind))
     return table(content.head, rows) if rows else ""
+
+
+def _folded(title: str, content: str) -> str:
+    """Content that is shown when its title is clicked; "" without content."""
+    return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
 
 
 def _verdict(group: SetFigures, number: int) -> str:
@@ -115,15 +149,19 @@ def _verdict(group: SetFigures, number: int) -> str:
         )
     return (
         f'<h2>{escape(heading(group))}</h2><p class="headline">{escape(headline(group))}</p>{bullets(caveats(group), "caveats")}'
-        f'<ul class="verdict">{"".join(items)}</ul>{_table(standing_table(group))}'
-        f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>{panels}'
+        f'<ul class="verdict">{"".join(items)}</ul>'
+        + _folded("Beside the best rivals, by every figure", _table(standing_table(group)))
+        + _folded(
+            "Every method, by every figure",
+            f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>{panels}',
+        )
     )
 
 
 def _noise_section(figures: Figures) -> str:
     plots = "".join(
-        f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}<p>{KEPT}.</p>"
-        + "".join(_table(kept_table(group, level)) for level in figures.study.levels)
+        f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}"
+        + _folded(KEPT, "".join(_table(kept_table(group, level)) for level in figures.study.levels))
         for group in figures.sets
     )
     said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."
@@ -137,7 +175,7 @@ def strokes_section(figures: Figures) -> str:
         "their edges. 1 is all of the colour, 0 is grey. Each colour alone is in evaluation.csv and evaluation.json."
     )
     tables = "".join(_table(stroke_table(figures, level)) for level in figures.study.levels)
-    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{tables}"
+    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{_folded('Every method and width', tables)}"
 
 
 def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
@@ -148,8 +186,7 @@ def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
         "that nine tenths of the patches reach, hue the share of pixels of wrong hue."
     )
     tables = "".join(
-        f"<h3>{escape(heading(group))}</h3>{''.join(_table(pattern_table(group, level)) for level in study.levels)}"
-        for group in figures.sets
+        _folded(heading(group), "".join(_table(pattern_table(group, level)) for level in study.levels)) for group in figures.sets
     )
     shown = f"<h3>{capital(WHY_PATTERNS)}</h3>{_exhibits(exhibits)}" if exhibits else ""
     cards = f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>'
@@ -179,8 +216,9 @@ def _tile_picture(pattern: CfaPattern) -> str:
 
 
 def _gallery_section(exhibits: Sequence[Exhibit]) -> str:
+    chosen = "First the named squares, then those" if any(each.crop.why not in REASONS for each in exhibits) else "Squares"
     return (
-        "<h2>Gallery</h2><p>Squares chosen by the figures, not by eye: where our best render gains most on the best "
+        f"<h2>Gallery</h2><p>{chosen} chosen by the figures, not by eye: where our best render gains most on the best "
         "rival of the scene, where it loses most, and where its error is largest. Choose two pictures, move the slider by finger, "
         "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened.</p>"
         + _exhibits(exhibits)
@@ -199,7 +237,7 @@ def _exhibit(exhibit: Exhibit) -> str:
     """Two pictures of one place under a slider, chosen from a strip of all."""
     crop, (left, right) = exhibit.crop, exhibit.shown
     brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
-    where = f"{crop.why}; row {crop.row}, column {crop.column}{brighter}"
+    where = f"{crop.why}; {crop.place}{brighter}"
     strip = "".join(
         f'<li{css_class("ours" * each.ours)}><button type="button" title="show on the right side"><img src="{_data(each)}" '
         f'alt="{escape(each.name)}" width="{crop.width}" height="{crop.height}">{escape(each.caption)}</button></li>'

@@ -1,8 +1,10 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shared.errors import InputError
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.evaluation.measures import WINDOW, window_origins
@@ -13,6 +15,7 @@ from tools.evaluation.page.gallery import (
     WHY_HUE,
     WHY_WORST,
     Crop,
+    Named,
     choose_crops,
     render_crop,
     render_exhibit,
@@ -98,6 +101,21 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     assert shown.stops > 3
     assert shown.pictures[0].pixels.mean() > 60
     assert Reading().scene(study.scenes[0].source).rgb.max() < 0.06
+
+
+def test_a_square_is_shown_by_its_place_in_the_photograph(tmp_path: Path) -> None:
+    study = large(tmp_path)
+    middle = replace(study, scenes=(Reading(largest=150).info(study.scenes[0].source),))
+    for each in (study, middle):
+        crop = Named.of("a corner=scene0:100,120").crop(each, each.levels[0])
+        assert crop.place == "row 100, column 120"
+        part = replace(each.reading, largest=150 if each is middle else None).scene(each.scenes[0].source).rgb[crop.part]
+        np.testing.assert_array_equal(part, np.load(each.scenes[0].source)[100:196, 120:216])
+    for text in ("scene0:100,120", "x=scene0:100", "x=scene1:0,0", "x=scene0:300,0"):
+        with pytest.raises(InputError, match=r"expected NAME=|only scene0|not inside"):
+            Named.of(text).crop(study, study.levels[0])
+    with pytest.raises(InputError, match="not inside"):
+        Named.of("x=scene0:0,0").crop(middle, study.levels[0])
 
 
 def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:

@@ -11,9 +11,10 @@ from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 from tools.evaluation.figures import Figures
 from tools.evaluation.measures import PLANES
 from tools.evaluation.methods import methods
-from tools.evaluation.page.gallery import render_gallery
-from tools.evaluation.page.page import build_page
+from tools.evaluation.page.gallery import WHY_AHEAD, WHY_BEHIND, render_gallery
+from tools.evaluation.page.page import _table, build_page
 from tools.evaluation.page.plots import lines_of, noise_plots
+from tools.evaluation.report import Row, Table
 from tools.evaluation.tiles import chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
@@ -63,6 +64,26 @@ def test_it_loads_without_errors_and_without_network(browser: Browser, written: 
     assert browser.requests == [written.as_uri()]
 
 
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (400, 860)])
+def test_a_win_and_a_loss_open_the_page(tmp_path: Path, written: Path, width: int, height: int) -> None:
+    with Browser(tmp_path, width, height) as window:
+        window.open(written.as_uri())
+        window.until("document.readyState === 'complete'")
+        titles = window.evaluate("[...document.querySelectorAll('.opening h2')].map(t => t.innerText.split(':')[0].toLowerCase())")
+        gallery = window.evaluate("document.querySelector('#gallery').textContent")
+        assert titles == [why for why in (WHY_AHEAD, WHY_BEHIND) if f"{why}; row" in gallery] != []
+        names = window.evaluate("[...document.querySelectorAll('.opening img')].map(i => i.alt)")
+        assert len(names) == 3 * len(titles)
+        assert names[:2] == ["truth", "Sparse colour, paper"]
+        assert window.evaluate("document.querySelector('p.headline').getBoundingClientRect().bottom") < height
+        assert window.evaluate("[...document.querySelectorAll('main table')].some(t => t.checkVisibility())") is False
+
+
+def test_no_star_stands_at_a_tie() -> None:
+    rows = [Row("a", ["1.0", "2.0"], [True, True]), Row("b", ["1.0", "1.9"], [False, False])]
+    assert re.findall(r"★ (\S+?)<", _table(Table(["", "x", "y"], rows))) == ["2.0"]
+
+
 def test_all_pictures_decode(browser: Browser) -> None:
     script = (
         "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth))).then(w => [w.length, Math.min(...w)])"
@@ -100,7 +121,7 @@ def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:
     facts = "[t.querySelectorAll('rect').length, t.querySelector('b').innerText]"
     tiles = f"[...document.querySelectorAll('#patterns .tile')].map(t => {facts})"
     assert browser.evaluate(tiles) == [[16, "K=4"], [36, "K=6"], [16, "Kodak"]]
-    rows = browser.evaluate("[...document.querySelectorAll('#patterns tbody th')].map(t => t.innerText)")
+    rows = browser.evaluate("[...document.querySelectorAll('#patterns tbody th')].map(t => t.textContent)")
     assert rows == ["K=4", "K=6", "Kodak"] * 2
     places = browser.evaluate("document.querySelectorAll('#patterns .exhibit').length")
     assert places >= 2
@@ -109,6 +130,7 @@ def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:
 def test_tables_and_lines_are_switched(browser: Browser) -> None:
     shown = "[...document.querySelectorAll('[role=tabpanel]')].map(p => !p.hidden)"
     assert browser.evaluate(shown) == [True, *[False] * 12]
+    browser.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
     browser.evaluate("document.querySelectorAll('[role=tab]')[0].focus()")
     browser.key("ArrowRight")
     assert browser.evaluate(shown) == [False, True, *[False] * 11]
