@@ -14,7 +14,7 @@ from shared.mosaic import Mosaic
 
 from .blocks import Sites, Surroundings
 
-_TINY = 1e-6  # scene units: the level of a black frame
+_TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 
 
 @dataclass(frozen=True, eq=False)

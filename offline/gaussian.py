@@ -9,12 +9,13 @@ from shared.arrays import FloatArray
 
 from .kernels.smoothing import smooth
 
-_TRUNCATE = 4  # standard deviations at which the Gaussian ends
+TRUNCATE = 4
+"""Standard deviations at which a Gaussian ends: what lies beyond is 6e-5 of it."""
 
 
 def gaussian(sigma: float) -> FloatArray:
     """Taps of a Gaussian, which sum to one: float32, an odd number of them. sigma: > 0, standard deviation in samples."""
-    radius = int(_TRUNCATE * sigma + 0.5)
+    radius = int(TRUNCATE * sigma + 0.5)
     taps = np.exp(-(np.arange(-radius, radius + 1) ** 2) / (2 * sigma**2))
     normalised: FloatArray = (taps / taps.sum()).astype(np.float32)
     return normalised

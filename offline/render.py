@@ -146,7 +146,7 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as bands float32 (rows, W, C).
 
-    Memory: about 13 bytes per pixel while luminance is measured, then 4 bytes per pixel (luminance); everything else exists for one
+    Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples); all else exists for one
     band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did. Call `measure` and
     `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
 

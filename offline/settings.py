@@ -17,9 +17,8 @@ from .stage_settings import (
     require,
 )
 
-_LARGEST = 32  # pixels: side of a DCT block
-_FARTHEST = 16  # pixels: radius of non-local means
-_WIDEST = 64  # blocks: radius of pooling
+# Accepted at most, for time and memory: side of a DCT block and radius of non-local means, pixels; radius of pooling, blocks.
+_LARGEST, _FARTHEST, _WIDEST = 32, 16, 64
 
 
 @dataclass(frozen=True)

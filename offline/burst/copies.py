@@ -7,9 +7,9 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray, strips
 from shared.mosaic import Mosaic
 
-_ALIKE = 0.99  # of the samples: a copy in which somebody has mended some is a copy too
+_ALIKE = 0.99  # of the samples, chosen: a copy in which somebody has mended some is a copy too
 _LOOKED = 1 << 14  # samples that are compared first: enough to see that most frames are no copies
-_HALF = 0.5001  # of a code
+_HALF = 0.5001  # of a code: as far as rounding moves one, and the rounding of that
 
 
 def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, int]:

@@ -10,11 +10,11 @@ from shared.motion import Motion
 from ..gaussian import smoothed
 
 BLUR = 1.2
-"""Pixels of a level: standard deviation of the Gaussian that takes away what sampling and filled pixels add to fine texture."""
+"""Pixels of a level: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture. Chosen."""
 SPREAD = 4 * np.pi * BLUR**2
 """Pixels whose mean has the variance that white noise has after that blur."""
-_SMALLEST = 24  # pixels: the shorter side of the coarsest level, or less than twice as many
-_LARGEST = 1_500_000  # pixels: larger planes are compared at half their size
+_SMALLEST = 24  # pixels: the shorter side of the coarsest level, or less than twice as many; chosen
+_LARGEST = 1_500_000  # pixels: larger planes are compared at half their size; chosen, for time
 
 
 class Level(NamedTuple):

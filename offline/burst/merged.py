@@ -16,7 +16,7 @@ from ..settings import RenderSettings
 from ..whole.denoising import denoise_luminance
 from .judging import Kept, as_arrays, displaced
 
-_SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
+_SOME_ALONE = 0.1  # of the logarithm of noise that merging took off, from which a frame is denoised twice; chosen: no scene changes
 
 
 class MergedLuminance(NamedTuple):

@@ -24,7 +24,7 @@ from .judging import Kept
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
 _FLOOR = 3e-4  # standard deviation of a sample where there is no noise, a share of the mean luminance (0.0)
-_INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites
+_INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both ways
 _ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
 _ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
 

@@ -13,7 +13,7 @@ from .functions import LEAST_EXPONENT, exponential, tile_at, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 from .pieces import tiles
 
-_ROWS, _COLUMNS = 64, 240  # of a tile
+_ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time: the light and three channels
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny

@@ -10,6 +10,7 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
 
+from ..parts import DARK
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .lanes import Scalar
@@ -21,13 +22,14 @@ MARGIN = 2
 GATE = 1.8
 """Multiple of the noise variance that is taken off the contrast of colour: where noise is mistaken for colour once in a hundred
 cells, it can be seen."""
-# Share of luminance in activity; bound of the correction in units of the contrast of colour; and bound of the inputs.
+# Share of luminance in activity; bound of the correction in units of the contrast of colour; and bound of the inputs: as the
+# networks were trained with (models/README.md).
 _LUMINANCE, _EVIDENCE, _RANGE = np.float32(0.25), np.float32(4), np.float32(8)
 _LEAST_LIGHT, _LEAST_ACTIVITY = np.float32(1e-4), np.float32(1e-30)  # scene units, and squared: they keep quotients finite
 # How far chromaticity stays inside the range of that around, in units of the range; and the share of mean luminance, and the scene
-# units, below which a pixel's own chromaticity tells little.
+# units, below which a pixel's own chromaticity tells little. Chosen.
 _INSIDE, _DIM, _LEAST_DIM = np.float32(0.15), np.float32(0.2), np.float32(1e-5)
-_DARK = np.float32(1e-6)  # scene units: below it a pixel has no chromaticity that could be corrected
+_DARK = np.float32(DARK)
 _THIRD, _HALF, _SIXTH = np.float32(1 / 3), np.float32(np.sqrt(1 / 2)), np.float32(np.sqrt(1 / 6))
 _NONE, _ONE, _TWO, _LOG = np.float32(0), np.float32(1), np.float32(2), np.float32(0.3)
 

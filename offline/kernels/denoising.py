@@ -19,7 +19,7 @@ from .functions import mirrored, tile_at, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, square_root, store, where_less
 from .pieces import tiles
 
-_ROWS, _COLUMNS = 128, 256  # of a window
+_ROWS, _COLUMNS = 128, 256  # of a window; chosen for speed
 _STEP = 2  # pixels from one block to the next, down and across
 _TOGETHER = 4  # rows of coefficients at a time: sizes are multiples of it
 _NONE, _ONE = np.float32(0), np.float32(1)

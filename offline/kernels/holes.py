@@ -19,7 +19,7 @@ REACH = 4
 """Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
 CHUNK = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
-_BANDS = 3
+_BANDS = 3  # as in `shrinkage`
 _ONE = np.float32(1)
 _NONE = np.float32(0)
 

@@ -7,7 +7,7 @@ from shared.arrays import FloatArray
 from .compile import Pieces, parallel_kernel
 from .functions import unset
 
-_LEAST_SHARE = np.float32(1e-3)  # of a line, below which a pixel stays as it is
+_LEAST_SHARE = np.float32(1e-3)  # of a line, below which a pixel stays as it is; chosen, for speed
 _NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 

@@ -11,8 +11,8 @@ from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
 SLACK = WIDTH
 """Columns after the mirrored border, so that the last vector stays inside the array."""
 _LANES = WIDTH // 2  # of float64: the chromaticities are solved in double
-_ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-_FIVE = 5
+ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+_FIVE = 5  # taps, as in the paper: those have a network of comparisons of their own
 _FAR = np.float64(np.inf)
 
 
@@ -53,7 +53,7 @@ def _row_of_medians(before: DoubleArray, after: DoubleArray, row: int, near: Ind
     line = np.empty((taps, _LANES))
     for column in range(half, half + columns, _LANES):
         nearest = load(before, (0, row, column)) * 0.0 + _FAR
-        for down, across in _ORIENTATIONS:
+        for down, across in ORIENTATIONS:
             distance = load(before, (0, row, column)) * 0.0
             for channel in range(channels):
                 if taps == _FIVE:

@@ -19,7 +19,7 @@ from .motions import Area, Motions, back, bounds, there
 from .pieces import tiles
 from .smoothing import smooth_rows
 
-_ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, and around it
+_ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it
 _ITERATIONS = 4
 _FILLED = 0.05  # weight of interpolated light where a frame has colour sites
 _SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced

@@ -8,7 +8,8 @@ from .compile import Pieces, kernel, parallel_kernel
 from .functions import unset
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
-_CLASSES = 4
+CLASSES = 4
+"""Parities of block row and column: the blocks around a pixel are one of each."""
 _NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
@@ -47,12 +48,12 @@ def mix(
     width = fields.shape[2] + WIDTH
     for patch in range(pieces[0], pieces[1]):
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
-        light, colour = unset(_CLASSES, width), unset(_CLASSES + 1, channels, width)
+        light, colour = unset(CLASSES, width), unset(CLASSES + 1, channels, width)
         _expand(blocks, luminance, places, first + patch, period, light, colour)
-        alpha, line = unset(_CLASSES, width), unset(channels, width)
+        alpha, line = unset(CLASSES, width), unset(channels, width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
-            for kind in range(_CLASSES):
+            for kind in range(CLASSES):
                 source = fields[kind, row + corner[0]]
                 for column in range(len(source)):
                     alpha[kind, column] = source[column]
@@ -72,21 +73,21 @@ def _expand(
     one = load(np.ones(WIDTH, np.float32), 0)
     for across in range(blocks.shape[1] - 1):
         left, right = across * period, (across + 1) * period
-        for kind in range(_CLASSES):
+        for kind in range(CLASSES):
             down, over = _corner(kind, patch, across)
             sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
             for column in range(left, right, WIDTH):  # what runs over the end is written again, with the next patch
                 store(light, (kind, column), max(sample, _NONE) * one)
         for channel in range(blocks.shape[2]):
             mean = _NONE
-            for kind in range(_CLASSES):
+            for kind in range(CLASSES):
                 down, over = _corner(kind, patch, across)
                 value = blocks[patch + down, across + over, channel]
                 mean += _QUARTER * value
                 for column in range(left, right, WIDTH):
                     store(colour, (kind, channel, column), value * one)
             for column in range(left, right, WIDTH):
-                store(colour, (_CLASSES, channel, column), mean * one)
+                store(colour, (CLASSES, channel, column), mean * one)
 
 
 @kernel
@@ -112,7 +113,7 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
                 + kappa3 * load(colour, (3, channel, column))
             )  # Eq. 10
             # Where no corner has light, all count the same.
-            plain = load(colour, (_CLASSES, channel, column))
+            plain = load(colour, (CLASSES, channel, column))
             store(line, (channel, column), where_less(_LEAST, total, mixed * share, plain))
 
 

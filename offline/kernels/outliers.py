@@ -7,13 +7,13 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .lanes import WIDTH, Scalar, greater, lesser, load, square_root, store
+from .medians import ORIENTATIONS
 
 _NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast
-_FEWEST = 3  # neighbours that it takes to judge a sample
-_GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
+_FEWEST = 3  # neighbours that it takes to judge a sample: a corner of the frame has no more
+_GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good; chosen
 _MOST = (2 * _WIDE + 1) ** 2
-_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
-_STRIP = 64
+_STRIP = 64  # rows of a piece of work; chosen for speed
 _NONE, _INFINITE = np.float32(0), np.float32(np.inf)
 _FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
@@ -195,7 +195,7 @@ def mend_panchromatic(
     for place in range(pieces[0], pieces[1]):
         row, column = rows[place], columns[place]
         total, weights = 0.0, 0.0
-        for down, across in _STEPS:
+        for down, across in ORIENTATIONS:
             if _good(panchromatic, bad, row - down, column - across) and _good(panchromatic, bad, row + down, column + across):
                 before, after = signal[row - down, column - across], signal[row + down, column + across]
                 change = _change_along(signal, panchromatic, bad, row, column, down, across)

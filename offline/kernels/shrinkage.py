@@ -16,8 +16,8 @@ REACH = 4
 """Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
 SLACK = REACH + 2 * WIDTH
 """Columns of the planes after the mirrored border, so that the last vector stays inside the array."""
-_BANDS = 3
-_STRIP = 64
+_BANDS = 3  # horizontal, vertical, diagonal: what one level of a wavelet has besides the means
+_STRIP = 64  # rows of a piece of work; chosen for speed
 _ONE = np.float32(1)
 
 Planes = tuple[FloatArray, ...]

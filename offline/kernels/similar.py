@@ -16,7 +16,7 @@ from .pieces import tiles
 
 SURROUNDINGS = 1
 """Pixels around a pixel that are compared."""
-_ROWS, _COLUMNS = 128, 256  # of a window
+_ROWS, _COLUMNS = 128, 256  # of a window; chosen for speed
 _NONE, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 _LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise
 # e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.

@@ -8,7 +8,7 @@ from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
 from .lanes import WIDTH, load, store
 
-_STRIP = 64  # rows that one piece of work smooths
+_STRIP = 64  # rows that one piece of work smooths; chosen for speed
 _NONE = np.float32(0)
 
 

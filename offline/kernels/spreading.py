@@ -12,6 +12,7 @@ import numpy as np
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
+from ..parts import DARK
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import tile_at, zeros
 from .lanes import Scalar
@@ -24,7 +25,7 @@ HALO = 24
 TOLERANCE = 1e-3
 """Relative residual at which conjugate gradients stop."""
 _NONE, _ONE = np.float32(0), np.float32(1)
-_DARK = np.float32(1e-6)
+_DARK = np.float32(DARK)
 
 Samples = tuple[FloatArray, ByteArray, IndexArray]
 """(figures, channels, starts) of M samples, sorted by tile: (M, 5), row and column in the frame, value times gamma, luminance,

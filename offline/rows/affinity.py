@@ -16,14 +16,13 @@ from shared.block_grid import BlockGrid
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
+from ..gaussian import TRUNCATE
 from ..kernels.fields import solve_regions
 from ..kernels.lanes import WIDTH
+from ..kernels.mixing import CLASSES
 from ..settings import AffinitySettings
 from ..solvers import report
 from ..tiling import HALO, core_patches, domain_places, patches_of
-
-_TRUNCATE = 4  # standard deviations at which the filters end
-_CLASSES = 4
 
 
 def solve_affinities(
@@ -49,7 +48,7 @@ def solve_affinities(
     places = domain_places(grid, filters[0].shape[1] - 1)
     pins = _pins(pattern, grid, (core[1] + 2 * HALO) * period)
     first, end = patches_of(grid, rows or (0, len(luminance)))
-    fields = np.empty((_CLASSES, (end - first) * period, across * period), np.float32)
+    fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
     regions = -(-(end - first) // core[0]) * -(-across // core[1])
     residuals, used = np.empty(regions), np.empty(regions, np.intp)
     patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
@@ -63,7 +62,7 @@ def derivative_filters(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArra
 
     scales: standard deviations, pixels. Returns float32 (scales, reach + 1) twice, and (scales,).
     """
-    radii = np.array([int(_TRUNCATE * scale + 0.5) for scale in scales])
+    radii = np.array([int(TRUNCATE * scale + 0.5) for scale in scales])
     distance = np.arange(radii.max() + 1)
     smooth = np.array(
         [np.exp(-(distance**2) / (2 * scale**2)) * (distance <= radius) for scale, radius in zip(scales, radii, strict=True)]
@@ -80,6 +79,6 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
     pinned = pattern.filter_map(shape, first=(-above, -left)) < len(pattern.channels)
     down, across = ((np.arange(size) + block // 2) // grid.period % 2 for size, block in zip(shape, grid.block_shape, strict=True))
     parity = 2 * down[:, None] + across
-    classes: BoolArray = pinned & (parity == np.arange(_CLASSES)[:, None, None])
+    classes: BoolArray = pinned & (parity == np.arange(CLASSES)[:, None, None])
     classes[-1] = pinned
     return classes.astype(np.float32)

@@ -31,12 +31,12 @@ from ..parts import Look, Part, RowStage
 REACH = "panchroma.reach"
 """The metadata of a file that says how many cells around a cell the network sees."""
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
-_SPLITS = 1, 2, 4  # parts of a tile's side, of which each gets a box of its own, or none
+_SPLITS = 1, 2, 4  # parts of a tile's side, each with a box of its own, or none; chosen: these are cheap to find
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
 UNKNOWN = 1e6
-"""Variance, in scene units squared, of a sample that is not trusted: the network then corrects nothing around it."""
+"""Variance, in scene units squared, of a sample that is not trusted: far above any light. Nothing around it is corrected."""
 
 
 @dataclass(frozen=True)

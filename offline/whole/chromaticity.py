@@ -14,7 +14,7 @@ from .detail import give_back
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
-_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i above which scaling is harmless
+_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most
 
 
 def estimate_chromaticities(

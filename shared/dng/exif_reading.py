@@ -41,9 +41,9 @@ WANTED = frozenset(
 """The tags that `metadata_from` looks at."""
 
 
-def read_metadata(file: IO[bytes], place: int = 0) -> CaptureMetadata:
-    """The capture metadata in a TIFF structure that begins at `place`; nothing is known of any other file."""
-    return metadata_from(read_directories(file, WANTED, place))
+def read_metadata(file: IO[bytes]) -> CaptureMetadata:
+    """The capture metadata in a TIFF structure; nothing is known of any other file."""
+    return metadata_from(read_directories(file, WANTED))
 
 
 def metadata_from(stored: StoredDirectories) -> CaptureMetadata:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,19 +14,23 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError, PanchromaError
 from tools.host.console import Console
+from tools.host.jobs import reason
+from tools.host.progress import StageProgress
+from tools.host.work import Here, Workers, follow
 
 from .aberration import measure_aberration
 from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
-from .edges import Filled, find_edges
+from .edges import Edges, Filled, find_edges
 from .files import Files
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations
 from .shading import measure_shading
-from .shot import measure_chart, measure_scene
+from .shot import ShotMeasurement, measure_chart, measure_scene
 
 Frames = list[tuple[str, Mosaic]]
+R = TypeVar("R")
 
 
 class Session:
@@ -114,37 +118,39 @@ class Session:
         chart_colours: (24, 3), XYZ (D50), white = 1; None = the shots show ordinary scenes.
         corners: where the chart is, see `ChartPlace`; None = find it.
         """
-        for path in paths:
-            with self._skipping([path], "shot"):
-                mosaic, name = self._read(path), Path(path).name
-                if (shading := mosaic.calibration.shading) and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
-                    self._console.note(f"{path}: {zoomed}")
-                assumed = self._assumed(mosaic.calibration)
-                if chart_colours is None:
-                    shot = measure_scene(name, mosaic, assumed)
-                else:
-                    with self._console.progress(name) as progress:
-                        shot = measure_chart(name, mosaic, chart_colours, corners, progress, assumed)
-                self._console.say(shot.words)
-                self.seen.shots.append(shot)
+
+        def measured(path: str, progress: StageProgress) -> ShotMeasurement:
+            mosaic, name = self._read(path), Path(path).name
+            if (shading := mosaic.calibration.shading) and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
+                self._console.note(f"{path}: {zoomed}")
+            assumed = self._assumed(mosaic.calibration)
+            if chart_colours is None:
+                return measure_scene(name, mosaic, assumed)
+            return measure_chart(name, mosaic, chart_colours, corners, progress, assumed)
+
+        for shot in self._each(paths, "shot", measured):
+            self._console.say(shot.words)
+            self.seen.shots.append(shot)
 
     def edges(self, paths: Sequence[str], filled: Filled) -> None:
         """Measure lateral chromatic aberration; what shots state of it does not count."""
         if not paths:
             return
         known: dict[bytes, str] = {}
-        shots, gamma = [], None
+        gamma = None
         if fit := self.seen.gamma:
             gamma = fit.gamma
         elif self._old and "gamma" in self._old.measured:
             gamma = np.array(self._old.calibration.gamma)
-        for path in dict.fromkeys(paths):
-            with self._skipping([path], "edges"):
-                mosaic = self._read(path)
-                first = known.setdefault(hashlib.sha256(mosaic.codes.data).digest(), path)
-                if first != path:
-                    raise InputError(f"it is the same shot as {first}")
-                shots.append(find_edges(Path(path).name, mosaic, filled, gamma))
+
+        def found(path: str, _: StageProgress) -> Edges:
+            mosaic = self._read(path)
+            first = known.setdefault(hashlib.sha256(mosaic.codes.data).digest(), path)
+            if first != path:
+                raise InputError(f"it is the same shot as {first}")
+            return find_edges(Path(path).name, mosaic, filled, gamma)
+
+        shots = list(self._each(list(dict.fromkeys(paths)), "edges", found))
         self._forget("aberration")
         with self._skipping(paths):
             if shots:
@@ -159,12 +165,12 @@ class Session:
 
     def _unshaded(self, paths: Sequence[str], kind: str) -> Frames:
         """Return the frames that can be read, without the shading that they state."""
-        frames = []
-        for path in paths:
-            with self._skipping([path], kind):
-                mosaic = self._read(path)
-                frames.append((path, replace(mosaic, calibration=replace(mosaic.calibration, shading=None))))
-        return frames
+
+        def read(path: str, _: StageProgress) -> tuple[str, Mosaic]:
+            mosaic = self._read(path)
+            return path, replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
+
+        return list(self._each(paths, kind, read))
 
     def _read(self, path: str) -> Mosaic:
         """Read a frame, and correct what it states. Raises InputError if it is from another camera than the frames before."""
@@ -184,17 +190,28 @@ class Session:
         if (base := self.seen.base) is not None:
             self.seen.base = replace(base, calibration=replace(base.calibration, **nothing))
 
+    def _each(self, paths: Sequence[str], kind: str, work: Callable[[str, StageProgress], R]) -> Iterator[R]:
+        """What `work` makes of each frame that it can use, with a record; the others are skipped."""
+        here: Workers[str, R] = Here(lambda path: self._console.progress(Path(path).name))
+        for path, result in follow(here, work, paths, StageProgress()):
+            if isinstance(result, Exception):
+                self._skip([path], result)
+            else:
+                self._console.record(source=path, ok=True, kind=kind)
+                yield result
+
     @contextmanager
-    def _skipping(self, paths: Sequence[str], kind: str = "") -> Iterator[None]:
-        """Skip these frames, with a line that says why, if they cannot be used; otherwise record one of this kind."""
+    def _skipping(self, paths: Sequence[str]) -> Iterator[None]:
+        """Skip these frames if they cannot be used together."""
         try:
             yield
         except (PanchromaError, MemoryError) as error:
-            path, reason = " ".join(paths), str(error) or "not enough memory"
-            line = reason if path in reason else f"{path}: {reason}"
-            self.seen.skipped.append(line)
-            self._console.error(f"skipped {line}")
-            self._console.record(source=path, ok=False, error=" ".join(reason.split()))
-        else:
-            if kind:
-                self._console.record(source=paths[0], ok=True, kind=kind)
+            self._skip(paths, error)
+
+    def _skip(self, paths: Sequence[str], error: Exception) -> None:
+        """Say and record why these frames are skipped."""
+        path, why = " ".join(paths), reason(error)
+        line = why if path in why else f"{path}: {why}"
+        self.seen.skipped.append(line)
+        self._console.error(f"skipped {line}")
+        self._console.record(source=path, ok=False, error=" ".join(why.split()))

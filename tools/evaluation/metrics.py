@@ -42,9 +42,9 @@ class Quality(NamedTuple):
         return self.rgb[2], self.luminance[2], self.chrominance[2]
 
 
-def quality(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER) -> Quality:
-    """Quantiles of `patch_psnr`, with the same arguments and errors."""
-    return Quality.of(patch_psnr(rendered, truth, patch, border))
+def quality(rendered: FloatArray, truth: FloatArray) -> Quality:
+    """Quantiles of `patch_psnr`, with the same errors."""
+    return Quality.of(patch_psnr(rendered, truth))
 
 
 def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER) -> PatchPsnr:
