@@ -6,7 +6,6 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from shared import CfaPattern
 from shared.pattern import PANCHROMATIC
 from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 from tools.pictures.page import page
@@ -197,22 +196,23 @@ def _card(study: Study, tile: Tile) -> str:
     light = study.light(tile)
     collected = f"{light:.2f}× the light of a Bayer sensor" if light else "no scene has its colours"
     return (
-        f'<figure class="tile">{_tile_picture(tile.pattern)}<figcaption><b>{escape(tile.name)}</b><br>'
+        f'<figure class="tile">{tile_picture(tile.pattern.tile)}<figcaption><b>{escape(tile.name)}</b><br>'
         f"{100 * tile.panchromatic_share:.0f} % W<br>{collected}</figcaption></figure>"
     )
 
 
-def _tile_picture(pattern: CfaPattern) -> str:
-    """The SVG element of one tile. Filters without a colour of their own name get a hue in the order of the channels."""
-    squares, side = "", pattern.period * _SIDE
-    for row_, letters in enumerate(pattern.tile):
+def tile_picture(tile: Sequence[str]) -> str:
+    """Return the SVG element of one tile, K rows of K letters. Filters without a colour of their own name get a hue each."""
+    squares, side = "", len(tile) * _SIDE
+    others = sorted(set("".join(tile)) - set(_FILLS))
+    for row_, letters in enumerate(tile):
         for column, letter in enumerate(letters):
-            fill = _FILLS.get(letter) or f"hsl({360 * pattern.channels.index(letter) / len(pattern.channels):.0f} 55% 45%)"
+            fill = _FILLS.get(letter) or f"hsl({360 * others.index(letter) / len(others):.0f} 55% 45%)"
             x, y = column * _SIDE, row_ * _SIDE
             squares += f'<rect x="{x}" y="{y}" width="{_SIDE}" height="{_SIDE}" fill="{fill}"/>'
             if letter != PANCHROMATIC:
                 squares += f'<text x="{x + _SIDE / 2:g}" y="{y + 0.77 * _SIDE:g}">{escape(letter)}</text>'
-    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(pattern.tile)}">{squares}</svg>'
+    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'
 
 
 def _gallery_section(exhibits: Sequence[Exhibit]) -> str:

@@ -1,0 +1,55 @@
+"""The search for a tile, as a person or a script uses it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from shared.pattern_text import read_pattern
+from tests.tools.command import run
+
+BUDGET = ("--sizes", "3", "--steps", "3", "--share", "0.6", "0.7")
+
+
+def test_from_light_to_letters_and_a_page(out: Path) -> None:
+    options = ("-o", out, *BUDGET, "--photons", "5000", "50", "--read-noise", "2", "--json")
+    slow = ("--photographs", "builtin:120x90", "--crop", "60", "--workers", "1")
+    outcome = run("design", *options, *slow)
+    assert outcome.code == 0, outcome.err
+    best, names = outcome.records[0], [record["name"] for record in outcome.records]
+    assert read_pattern(best["pattern"]).period == 3
+    assert names[-3:] == ["K=6", "K=4", "kodak"]
+    found = outcome.records[:-3]
+    assert [each["score"] for each in found] == sorted((each["score"] for each in found), reverse=True)
+    for record in outcome.records:
+        for judge in ("fast", "slow"):
+            bright, dark = record[judge]["5,000 photons"], record[judge]["50 photons"]
+            assert bright["whole"] > dark["whole"]
+    page = (out / "design.html").read_text()
+    assert all(record["pattern"] in page for record in outcome.records)
+    assert "rank correlation" in page
+    assert len(json.loads((out / "judged.json").read_text())["tiles"]) >= len(found)
+
+    # Again: refused; with --overwrite nothing is judged or measured again.
+    assert "design.html: exists already" in run("design", *options).err
+    kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
+    again = run("design", *options, *slow, "--overwrite")
+    assert again.records == outcome.records
+    assert {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()} == kept
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--sigma", "0.01", "--photons", "100"), "--sigma and --photons"),
+        (("--worst", "0", "--whole", "0"), "nothing matters"),
+        (("--channels", "RRG"), "--channels is 'RRG'"),
+        (("--sizes", "99"), "--sizes holds 99"),
+        (("--photons", "0"), "--photons is 0"),
+        (("--photographs", "nowhere.png", *BUDGET), "nowhere.png"),
+    ],
+)
+def test_wrong_options_are_named(out: Path, options: tuple[str, ...], words: str) -> None:
+    outcome = run("design", "-o", out, *options)
+    assert outcome.code == 2
+    assert words in outcome.err

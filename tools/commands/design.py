@@ -1,0 +1,137 @@
+"""Which tile of filters should a sensor have? Search tiles for the light that it works in, for what matters, and within limits.
+
+A fast judge expects the error of each tile from the statistics of photographs. With --photographs, the best dozen are rendered and
+measured as `evaluate` does. Writes design.html, and judged.json, from which an interrupted search goes on.
+"""
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shared.errors import InputError
+from shared.pattern import PERIODS
+from shared.processors import processors
+from shared.writing import write_durably
+from tools.host.console import Console
+from tools.host.jobs import output_folder, refuse_existing
+from tools.host.memory import allowed_memory
+from tools.host.versions import program_version
+
+from .options import add, amount, count, factor, natural
+
+if TYPE_CHECKING:
+    from tools.evaluation.design.judge import Light
+    from tools.evaluation.design.proposals import Proposal
+    from tools.evaluation.figures import Figures
+    from tools.evaluation.page.gallery import Exhibit
+
+_PAGE, _STATE = "design.html", "judged.json"
+_SIGMAS = (0.0, 0.01, 0.03)
+_WEIGHTS = {"luminance": 0.0, "colour": 0.0, "worst": 1.0, "whole": 1.0}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `panchroma design`."""
+    add(parser, "output", files="the results")
+    light = parser.add_argument_group("light, one or more; all tiles have the same exposure")
+    light.add_argument("--sigma", type=factor, nargs="+", metavar="S", help="additive noise, scene units (default: 0 0.01 0.03)")
+    light.add_argument(
+        "--photons", type=factor, nargs="+", metavar="N", help="instead: photons that W counts in white at full exposure"
+    )
+    light.add_argument("--read-noise", type=amount, default=3.0, metavar="E", help="beside the photons' noise, electrons")
+    what = parser.add_argument_group("what matters: weights")
+    named = {
+        "luminance": "luminance of whole pictures",
+        "colour": "colour of whole pictures",
+        "worst": "colour where it is finest",
+        "whole": "all channels of whole pictures",
+    }
+    for name, usual in _WEIGHTS.items():
+        what.add_argument(f"--{name}", type=amount, default=usual, metavar="WEIGHT", help=named[name])
+    limits = parser.add_argument_group("limits")
+    limits.add_argument("--channels", default="RGB", metavar="LETTERS", help="colour filters, each of which a tile has")
+    limits.add_argument(
+        "--sizes", type=int, nargs="+", default=[3, 4, 5, 6], metavar="K", help=f"pixels, {PERIODS[0]} to {PERIODS[-1]}"
+    )
+    limits.add_argument(
+        "--share", type=factor, nargs=2, default=[0.5, 1.0], metavar=("LEAST", "MOST"), help="of panchromatic pixels"
+    )
+    limits.add_argument(
+        "--sites", default="", metavar="ROWS", help="where filters can be, as XW/WW: W marks places that stay without"
+    )
+    search = parser.add_argument_group("the search")
+    search.add_argument("--steps", type=natural, default=400, metavar="N", help="of annealing, for each size")
+    search.add_argument("--seed", type=natural, default=0, metavar="N", help="of annealing, and of the photographs' noise")
+    slow = parser.add_argument_group("the slow judge")
+    slow.add_argument("--photographs", nargs="+", metavar="SCENE", help="photographs, or folders of them, to render")
+    slow.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each")
+    add(slow, "workers", "max-memory", things="processes", usual="one per core, as memory allows")
+    add(parser, "overwrite")
+    add(parser, "json", each="tile")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Search, measure, and write the page; returns the exit code."""
+    from tools.evaluation.design.judge import FastJudge
+    from tools.evaluation.design.page import page
+    from tools.evaluation.design.proposals import Proposal, proposed, records, text_table
+    from tools.evaluation.design.search import Judged, Limits, Search
+
+    weights = {name: getattr(arguments, name) for name in _WEIGHTS}
+    if not any(weights.values()):
+        raise InputError("nothing matters: give one of --luminance, --colour, --worst and --whole a weight")
+    sites = tuple(arguments.sites.split("/")) if arguments.sites else ()
+    limits = Limits(arguments.channels, tuple(sorted(set(arguments.sizes))), arguments.share[0], arguments.share[1], sites)
+    lights = _lights(arguments)
+    folder = output_folder(arguments.output)
+    if not arguments.overwrite:
+        refuse_existing([folder / _PAGE])
+    judge = FastJudge.of(limits.letters, lights)
+    known = repr((judge.letters, [(light.shot, light.read) for light in lights], judge.spectra.encode()))
+    judged = Judged(judge, hashlib.sha256(known.encode()).hexdigest()[:16], folder / _STATE)
+    search = Search(judged, limits, weights, arguments.steps, arguments.seed)
+    if judged.known:
+        console.note(f"{len(judged.known)} tiles are known from an earlier run")
+    with console.progress("design") as progress:
+        found = search.run(progress)
+    every = [Proposal.of(search, judge, tile) for tile in found]
+    shown = proposed(search, judge, every)
+    texts = [light.text for light in lights]
+    measured, exhibits = _photographed(arguments, shown, lights, folder, console) if arguments.photographs else (None, [])
+    weighted = ", ".join(f"{name} {weight:g}" for name, weight in weights.items() if weight)
+    facts = [f"{len(found)} tiles were judged under {', '.join(texts)}. Weights: {weighted}."]
+    content = page(shown, every, texts, measured, exhibits, facts, f"panchroma {program_version()}")
+    write_durably(folder / _PAGE, content, overwrite=arguments.overwrite)
+    console.say(*text_table(shown, measured), str(folder / _PAGE))
+    for record in records(shown, texts, measured):
+        console.record(**record)
+    return 0
+
+
+def _lights(arguments: argparse.Namespace) -> "list[Light]":
+    from tools.evaluation.design.judge import Light
+
+    if arguments.sigma and arguments.photons:
+        raise InputError("--sigma and --photons are two kinds of noise; give one of them")
+    if arguments.photons:
+        return [Light.of_photons(photons, arguments.read_noise) for photons in arguments.photons]
+    return [Light.of_sigma(sigma) for sigma in arguments.sigma or _SIGMAS]
+
+
+def _photographed(
+    arguments: argparse.Namespace, shown: "Sequence[Proposal]", lights: "Sequence[Light]", folder: Path, console: Console
+) -> "tuple[Figures, list[Exhibit]]":
+    """What the slow judge says of the tiles, and crops."""
+    from tools.evaluation.design.slow import photographed, tile_of
+    from tools.evaluation.page.gallery import render_gallery
+    from tools.evaluation.scene_sets import Reading
+    from tools.evaluation.team import Team
+    from tools.evaluation.tiles import chosen_tiles
+
+    team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
+    tiles, levels = chosen_tiles((), (tile_of(each.tile) for each in shown)), [light.protocol for light in lights]
+    reading = Reading(largest=arguments.crop)
+    measured = photographed(tiles, levels, arguments.photographs, folder, team, reading, arguments.seed)
+    return measured, render_gallery(measured, team)

@@ -1,0 +1,139 @@
+"""design.html: the best tiles drawn, light against luminance against colour, fast and slow judge side by side, and crops."""
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from tools.pictures.html import cell, data_address, figure, row, row_title, table
+from tools.pictures.page import report
+from tools.pictures.plot import Plot, round_step, ticks
+
+from ..figures import Figures as Measured
+from ..page.gallery import WHY_PATTERNS, Exhibit
+from ..page.page import tile_picture
+from .judge import Figures
+from .proposals import Proposal, front
+from .slow import SLOW, slow_figures, spearman, tile_of
+
+_SIZE, _MARGINS = (720, 420), (58, 16, 16, 46)
+_MOST_DOTS = 3000
+_CSS = """
+.tiles { display: flex; flex-wrap: wrap; gap: 18px } .tiles figure { width: 150px } .tiles svg { width: 112px; margin-bottom: 6px }
+.tiles rect { stroke: #8a8b92; stroke-width: .5 } .tiles svg text { fill: #fff; font-size: 8px; text-anchor: middle }
+code { overflow-wrap: anywhere; font-size: 12px; user-select: all } .plot .point { stroke: var(--card); stroke-width: .7 }
+.crops { display: flex; flex-wrap: wrap; gap: 10px } .crops img { width: 192px; image-rendering: pixelated }
+.crops figcaption { width: 192px; overflow-wrap: anywhere } td.win { font-weight: 700 }
+"""
+
+
+def page(
+    shown: Sequence[Proposal],
+    every: Sequence[Proposal],
+    lights: Sequence[str],
+    measured: Measured | None,
+    exhibits: Sequence[Exhibit],
+    facts: Sequence[str],
+    program: str,
+) -> bytes:
+    """Return the content of the page's file.
+
+    shown: the best tiles, the best first, and known ones beside them.
+    every: all tiles that were judged, the best first.
+    lights: their names.
+    measured: what the slow judge found; None = nothing.
+    exhibits: crops.
+    facts: sentences about the search.
+    """
+    first = shown[0]
+    sections = {
+        "Tiles": f'<div class="tiles">{"".join(map(_card, shown))}</div>',
+        "Light, luminance and colour": _front_section(every[:_MOST_DOTS], shown),
+        "Fast judge": _fast_table(shown, lights),
+        "Fast and slow judge": _both(shown, lights, measured) if measured else "",
+        "Crops": "".join(_crops(each) for each in exhibits if each.crop.why == WHY_PATTERNS),
+    }
+    verdict = f"{first.letters} is the best tile"
+    return report("Which filter tile?", f"Made by {program}.", verdict, "good", sections, facts=facts, remarks=(), css=_CSS)
+
+
+def _card(each: Proposal) -> str:
+    name = f"<b>{escape(each.name)}</b><br>" if each.name else ""
+    return (
+        f"<figure>{tile_picture(each.tile)}<figcaption>{name}{each.light:.2f}× the light of a Bayer sensor<br>"
+        f"score {each.score:.2f} dB<br><code>{escape(each.letters)}</code></figcaption></figure>"
+    )
+
+
+def _front_section(every: Sequence[Proposal], shown: Sequence[Proposal]) -> str:
+    """All tiles by luminance and colour, the brighter, the more light; those of the front are larger."""
+    known = {each.letters: each for each in (*every, *shown)}
+    dots = sorted(known.values(), key=lambda each: each.score)
+    best = front(dots)
+    values = np.array([(each.mean.luminance, each.mean.colour) for each in dots])
+    low, high = values[best].min(axis=0) - 0.5, values.max(axis=0) + 0.3
+    across, up = ((float(first), float(last)) for first, last in zip(low, high, strict=True))
+    plot = Plot(across, up, _SIZE, _MARGINS)
+    plot.columns(ticks(across, round_step(across[1] - across[0], 8)))
+    plot.rows(ticks(up, round_step(up[1] - up[0], 6)))
+    plot.name_axes("luminance, dB", "colour, dB")
+    for each, chosen, (luminance, colour) in zip(dots, best, values, strict=True):
+        if (low <= (luminance, colour)).all():
+            text = f"{each.title}: light {each.light:.2f}, luminance {luminance:.2f} dB, colour {colour:.2f} dB"
+            fill = f"fill:hsl({40 + 200 * (3 - each.light) / 2:.0f} 75% 50%)"
+            plot.dot(luminance, colour, 6 if chosen else 3, text, fill + ("" if chosen else ";opacity:.45"))
+    for each in shown:
+        if each.name and (low <= each.mean[:2]).all():
+            x, y = plot.at(*each.mean[:2])
+            plot.text(x, y - 9, each.name)
+    said = (
+        "Each dot is a tile, the mean over the lights. Large dots are the front: no tile has more of light, luminance and colour. "
+        "Yellow dots collect most light, blue ones least. Point at a dot for its letters."
+    )
+    drawn = plot.drawn("luminance and colour of all tiles that were judged")
+    best_first = [each for each, chosen in zip(reversed(dots), reversed(best.tolist()), strict=True) if chosen][:12]
+    rows = [row([row_title(each.title), *(cell(f"{value:.2f}") for value in (each.light, *each.mean[:2]))]) for each in best_first]
+    return figure(drawn, said) + table(("the front, best score first", "light", "luminance, dB", "colour, dB"), rows)
+
+
+def _fast_table(shown: Sequence[Proposal], lights: Sequence[str]) -> str:
+    """The figures of every light."""
+    head = ["", "light", *(f"{light}: {name}" for light in lights for name in Figures._fields)]
+    best = np.max([np.concatenate(each.figures) for each in shown], axis=0)
+    rows = []
+    for each in shown:
+        values = zip(np.concatenate(each.figures).tolist(), best, strict=True)
+        cells = [cell(f"{value:.2f}", best=bool(value >= most - 0.005)) for value, most in values]
+        rows.append(row([row_title(each.title), cell(f"{each.light:.2f}"), *cells]))
+    return "<p>Expected PSNR, dB.</p>" + table(head, rows)
+
+
+def _both(shown: Sequence[Proposal], lights: Sequence[str], measured: Measured) -> str:
+    """What both judges say, for each light, and how well they agree."""
+    parts = []
+    for place, (text, level) in enumerate(zip(lights, measured.study.levels, strict=True)):
+        slow = np.array([slow_figures(measured, level, tile_of(each.tile)) for each in shown])
+        fast = np.array([each.figures[place] for each in shown])
+        agreement = [spearman(fast[:, column].tolist(), slow[:, column].tolist()) for column in range(len(SLOW))]
+        rows = [
+            row([row_title(each.title), *(cell(f"{one:.2f} | {other:.2f}") for one, other in zip(*pair, strict=True))])
+            for each, pair in zip(shown, zip(fast, slow, strict=True), strict=True)
+        ]
+        rows.append(row([row_title("rank correlation"), *(cell(f"{value:.2f}") for value in agreement)]))
+        parts.append(f"<h3>{escape(text)}</h3>" + table(("fast | slow, dB", *Figures._fields), rows))
+    scenes = f"{len(measured.study.scenes)} photographs"
+    said = "The fast judge expects what the slow one measures on renders of"
+    return (
+        f"<p>{said} {scenes} (PSNR; worst: the tenth of the patches with the worst colour). Differences between tiles count.</p>"
+        + "".join(parts)
+    )
+
+
+def _crops(each: Exhibit) -> str:
+    from PIL import Image
+
+    pictures = "".join(
+        figure(f'<img src="{data_address(Image.fromarray(one.pixels), "PNG")}" alt="{escape(one.name)}">', one.caption)
+        for one in each.pictures
+    )
+    return f'<h3>{escape(each.crop.scene.name)}, {escape(each.crop.level.text)}</h3><div class="crops">{pictures}</div>'

@@ -1,0 +1,85 @@
+"""The slow judge: tiles before photographs, rendered by `best` and measured as `panchroma evaluate` does."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from shared import CfaPattern
+from shared.arrays import DoubleArray
+from shared.errors import InputError
+from tools.camera.protocols import Protocol
+from tools.scenes.scene import RGB
+
+from ..criteria import CRITERIA
+from ..figures import Figures
+from ..scene_sets import Reading, distinct, expand
+from ..study import Study, collect, tasks
+from ..team import Team
+from ..tiles import Tile
+
+METHOD = "best"
+SLOW = tuple(
+    next(each for each in CRITERIA if each.figure == name)
+    for name in ("psnr_luminance", "psnr_chrominance", "chrominance_q10", "psnr")
+)
+"""What evaluate measures of luminance, colour, worst colour and whole images, in the order of the fast judge's figures."""
+
+
+def photographed(
+    tiles: Sequence[Tile],
+    levels: Sequence[Protocol],
+    sources: list[str],
+    folder: Path,
+    team: Team,
+    reading: Reading,
+    seed: int = 0,
+    method: str = METHOD,
+) -> Figures:
+    """Measure tiles on scenes; what was measured before is kept in the folder. Raises InputError where nothing can be measured.
+
+    levels: the light.
+    sources: files and folders of scenes.
+    reading: how they are read.
+    seed: of the noise.
+    method: name of the render.
+    """
+    names, left_out = expand(sources, folder)
+    scenes, _ = team.read(names, reading)
+    scenes, remarks = distinct([scene for scene in scenes if scene.channels == RGB])
+    for remark in (*left_out, *remarks):
+        team.console.note(remark)
+    if not scenes:
+        raise InputError("no photograph could be read; the lines above say why")
+    study = Study(tuple(scenes), (method,), tuple(levels), tuple(tiles), seed, reading)
+    team.measure(tasks(study, folder)[0])
+    results = collect(study, folder)
+    if not results:
+        raise InputError("nothing could be measured; the lines above say why")
+    return Figures(study, results)
+
+
+def tile_of(letters: Sequence[str], channels: str = "") -> Tile:
+    """The tile with these rows, under its letters or its name."""
+    text = "/".join(letters)
+    return Tile.named(CfaPattern(tuple(letters), channels=channels), text)
+
+
+def slow_figures(figures: Figures, level: Protocol, tile: Tile) -> tuple[float, ...]:
+    """What was measured of a tile under a light, in the order of `SLOW`: dB, mean over the sets of scenes; NaN where it failed."""
+    rows = [each for group in figures.sets if (each := group.figure(level, figures.study.methods[0], tile=tile))]
+    return tuple(float(np.mean([criterion.of(each) for each in rows])) if rows else float("nan") for criterion in SLOW)
+
+
+def spearman(one: Sequence[float], other: Sequence[float]) -> float:
+    """Rank correlation of two lists of figures, -1 to 1; NaN where one does not vary. Equal figures share their mean rank."""
+
+    def ranks(values: Sequence[float]) -> DoubleArray:
+        array = np.asarray(values)
+        found: DoubleArray = (array[:, None] > array).sum(axis=1) + (array[:, None] == array).sum(axis=1) / 2
+        return found
+
+    first, second = ranks(one), ranks(other)
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return float("nan")
+    return float(np.corrcoef(first, second)[0, 1])
