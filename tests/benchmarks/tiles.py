@@ -47,7 +47,7 @@ def main() -> None:
     team, levels = Team(Console(), processors(), allowed_memory(None)), [light.protocol for light in lights]
     reading = Reading(largest=arguments.crop)
     measured = photographed(tiles, levels, arguments.scenes, arguments.output, team, reading, method=arguments.method)
-    slow = np.array([[slow_figures(measured, level, tile) for level in levels] for tile in tiles])
+    slow = np.array([slow_figures(measured, tile.pattern.tile) for tile in tiles])
     judge = FastJudge.of("RGB", lights)
     fast = np.array([judge(tile.pattern.tile) for tile in tiles])
     scattered = np.array([tile.pattern.is_scattered for tile in tiles])

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared import CfaPattern
 from shared.errors import InputError
 from shared.pattern import PERIODS
 from shared.processors import processors
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from tools.evaluation.page.gallery import Exhibit
 
 _PAGE, _STATE = "design.html", "judged.json"
+_DOUBT = "Renders make less of scattered sites than the fast judge expects: let photographs decide (--photographs)."
 _SIGMAS = (0.0, 0.01, 0.03)
 _WEIGHTS = {"luminance": 0.0, "colour": 0.0, "worst": 1.0, "whole": 1.0}
 
@@ -76,7 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Search, measure, and write the page; returns the exit code."""
     from tools.evaluation.design.judge import FastJudge
     from tools.evaluation.design.page import page
-    from tools.evaluation.design.proposals import Proposal, proposed, records, text_table
+    from tools.evaluation.design.proposals import Proposal, by_measurement, proposed, records, text_table
     from tools.evaluation.design.search import Judged, Limits, Search
 
     weights = {name: getattr(arguments, name) for name in _WEIGHTS}
@@ -100,8 +102,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     shown = proposed(search, judge, every)
     texts = [light.text for light in lights]
     measured, exhibits = _photographed(arguments, shown, lights, folder, console) if arguments.photographs else (None, [])
+    if measured:
+        shown = by_measurement(shown, measured, weights)
     weighted = ", ".join(f"{name} {weight:g}" for name, weight in weights.items() if weight)
-    facts = [f"{len(found)} tiles were judged under {', '.join(texts)}. Weights: {weighted}."]
+    facts = [f"{len(found)} tiles were judged under {', '.join(texts)}. Weights: {weighted}.", *[_DOUBT] * (not measured)]
     content = page(shown, every, texts, measured, exhibits, facts, f"panchroma {program_version()}")
     write_durably(folder / _PAGE, content, overwrite=arguments.overwrite)
     console.say(*text_table(shown, measured), str(folder / _PAGE))
@@ -124,14 +128,17 @@ def _photographed(
     arguments: argparse.Namespace, shown: "Sequence[Proposal]", lights: "Sequence[Light]", folder: Path, console: Console
 ) -> "tuple[Figures, list[Exhibit]]":
     """What the slow judge says of the tiles, and crops."""
-    from tools.evaluation.design.slow import photographed, tile_of
+    from tools.evaluation.design.slow import photographed
     from tools.evaluation.page.gallery import render_gallery
     from tools.evaluation.scene_sets import Reading
     from tools.evaluation.team import Team
-    from tools.evaluation.tiles import chosen_tiles
+    from tools.evaluation.tiles import Tile, chosen_tiles
 
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
-    tiles, levels = chosen_tiles((), (tile_of(each.tile) for each in shown)), [light.protocol for light in lights]
+    tiles, levels = (
+        chosen_tiles((), (Tile.named(CfaPattern(each.tile), each.letters) for each in shown)),
+        [light.protocol for light in lights],
+    )
     reading = Reading(largest=arguments.crop)
     measured = photographed(tiles, levels, arguments.photographs, folder, team, reading, arguments.seed)
     return measured, render_gallery(measured, team)

@@ -14,10 +14,10 @@ from ..page.gallery import WHY_PATTERNS, Exhibit
 from ..page.page import tile_picture
 from .judge import Figures
 from .proposals import Proposal, front
-from .slow import SLOW, slow_figures, spearman, tile_of
+from .slow import SLOW, slow_figures, spearman
 
 _SIZE, _MARGINS = (720, 420), (58, 16, 16, 46)
-_MOST_DOTS = 3000
+_MOST_DOTS, _ROWS = 3000, 12
 _CSS = """
 .tiles { display: flex; flex-wrap: wrap; gap: 18px } .tiles figure { width: 150px } .tiles svg { width: 112px; margin-bottom: 6px }
 .tiles rect { stroke: #8a8b92; stroke-width: .5 } .tiles svg text { fill: #fff; font-size: 8px; text-anchor: middle }
@@ -47,28 +47,29 @@ def page(
     """
     first = shown[0]
     sections = {
-        "Tiles": f'<div class="tiles">{"".join(map(_card, shown))}</div>',
+        "Tiles": f'<p>Numbers are ranks for the fast judge.</p><div class="tiles">{"".join(map(_card, shown))}</div>',
         "Light, luminance and colour": _front_section(every[:_MOST_DOTS], shown),
         "Fast judge": _fast_table(shown, lights),
         "Fast and slow judge": _both(shown, lights, measured) if measured else "",
         "Crops": "".join(_crops(each) for each in exhibits if each.crop.why == WHY_PATTERNS),
     }
-    verdict = f"{first.letters} is the best tile"
-    return report("Which filter tile?", f"Made by {program}.", verdict, "good", sections, facts=facts, remarks=(), css=_CSS)
+    verdict = f"{first.letters} is the best tile {'on these photographs' if measured else 'for the fast judge'}"
+    tone = "good" if measured else "care"
+    return report("Which filter tile?", f"Made by {program}.", verdict, tone, sections, facts=facts, remarks=(), css=_CSS)
 
 
 def _card(each: Proposal) -> str:
-    name = f"<b>{escape(each.name)}</b><br>" if each.name else ""
     return (
-        f"<figure>{tile_picture(each.tile)}<figcaption>{name}{each.light:.2f}× the light of a Bayer sensor<br>"
-        f"score {each.score:.2f} dB<br><code>{escape(each.letters)}</code></figcaption></figure>"
+        f"<figure>{tile_picture(each.tile)}<figcaption><b>{escape(each.name)}</b><br>"
+        f"{each.light:.2f}× the light of a Bayer sensor<br>score {each.score:.2f} dB<br>"
+        f"<code>{escape(each.letters)}</code></figcaption></figure>"
     )
 
 
 def _front_section(every: Sequence[Proposal], shown: Sequence[Proposal]) -> str:
     """All tiles by luminance and colour, the brighter, the more light; those of the front are larger."""
     known = {each.letters: each for each in (*every, *shown)}
-    dots = sorted(known.values(), key=lambda each: each.score)
+    dots = sorted(known.values(), key=lambda each: each.light)
     best = front(dots)
     values = np.array([(each.mean.luminance, each.mean.colour) for each in dots])
     low, high = values[best].min(axis=0) - 0.5, values.max(axis=0) + 0.3
@@ -79,21 +80,24 @@ def _front_section(every: Sequence[Proposal], shown: Sequence[Proposal]) -> str:
     plot.name_axes("luminance, dB", "colour, dB")
     for each, chosen, (luminance, colour) in zip(dots, best, values, strict=True):
         if (low <= (luminance, colour)).all():
-            text = f"{each.title}: light {each.light:.2f}, luminance {luminance:.2f} dB, colour {colour:.2f} dB"
-            fill = f"fill:hsl({40 + 200 * (3 - each.light) / 2:.0f} 75% 50%)"
+            text = f"{each.name or each.letters}: light {each.light:.2f}, luminance {luminance:.2f} dB, colour {colour:.2f} dB"
+            fill = f"fill:hsl({40 + 200 * min(3 - each.light, 1):.0f} 75% 50%)"
             plot.dot(luminance, colour, 6 if chosen else 3, text, fill + ("" if chosen else ";opacity:.45"))
     for each in shown:
-        if each.name and (low <= each.mean[:2]).all():
+        if (low <= each.mean[:2]).all():
             x, y = plot.at(*each.mean[:2])
             plot.text(x, y - 9, each.name)
     said = (
         "Each dot is a tile, the mean over the lights. Large dots are the front: no tile has more of light, luminance and colour. "
-        "Yellow dots collect most light, blue ones least. Point at a dot for its letters."
+        "Yellow dots collect most light, blue ones least."
     )
     drawn = plot.drawn("luminance and colour of all tiles that were judged")
-    best_first = [each for each, chosen in zip(reversed(dots), reversed(best.tolist()), strict=True) if chosen][:12]
-    rows = [row([row_title(each.title), *(cell(f"{value:.2f}") for value in (each.light, *each.mean[:2]))]) for each in best_first]
-    return figure(drawn, said) + table(("the front, best score first", "light", "luminance, dB", "colour, dB"), rows)
+    ends = [each for each, chosen in zip(dots, best, strict=True) if chosen]
+    rows = [
+        row([cell(f"{value:.2f}") for value in (each.light, *each.mean[:2])] + [cell(each.letters)])
+        for each in ends[:: -(-len(ends) // _ROWS)]
+    ]
+    return figure(drawn, said) + table(("light", "luminance, dB", "colour, dB", "of the front"), rows)
 
 
 def _fast_table(shown: Sequence[Proposal], lights: Sequence[str]) -> str:
@@ -104,19 +108,19 @@ def _fast_table(shown: Sequence[Proposal], lights: Sequence[str]) -> str:
     for each in shown:
         values = zip(np.concatenate(each.figures).tolist(), best, strict=True)
         cells = [cell(f"{value:.2f}", best=bool(value >= most - 0.005)) for value, most in values]
-        rows.append(row([row_title(each.title), cell(f"{each.light:.2f}"), *cells]))
+        rows.append(row([row_title(each.name), cell(f"{each.light:.2f}"), *cells]))
     return "<p>Expected PSNR, dB.</p>" + table(head, rows)
 
 
 def _both(shown: Sequence[Proposal], lights: Sequence[str], measured: Measured) -> str:
     """What both judges say, for each light, and how well they agree."""
-    parts = []
-    for place, (text, level) in enumerate(zip(lights, measured.study.levels, strict=True)):
-        slow = np.array([slow_figures(measured, level, tile_of(each.tile)) for each in shown])
+    parts, found = [], np.array([slow_figures(measured, each.tile) for each in shown])
+    for place, text in enumerate(lights):
+        slow = found[:, place]
         fast = np.array([each.figures[place] for each in shown])
         agreement = [spearman(fast[:, column].tolist(), slow[:, column].tolist()) for column in range(len(SLOW))]
         rows = [
-            row([row_title(each.title), *(cell(f"{one:.2f} | {other:.2f}") for one, other in zip(*pair, strict=True))])
+            row([row_title(each.name), *(cell(f"{one:.2f} | {other:.2f}") for one, other in zip(*pair, strict=True))])
             for each, pair in zip(shown, zip(fast, slow, strict=True), strict=True)
         ]
         rows.append(row([row_title("rank correlation"), *(cell(f"{value:.2f}") for value in agreement)]))

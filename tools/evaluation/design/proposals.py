@@ -1,18 +1,19 @@
 """The tiles that a search proposes, beside known ones, and what both judges say of them, for people and for machines."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import BoolArray
+from shared.pattern import PANCHROMATIC
 
 from ..figures import Figures as Measured
 from .judge import FastJudge, Figures
 from .search import Search
-from .slow import slow_figures, tile_of
+from .slow import slow_figures
 
 _SHOWN = 12
 _KNOWN = ("K=6", "K=4", "kodak")
@@ -23,9 +24,9 @@ class Proposal:
     """A tile, and what the fast judge says of it.
 
     tile: K rows of K letters.
-    name: "" for one without a name.
+    name: a number for one that the search found.
     light: multiple of what a Bayer sensor collects.
-    score: weighted figures, dB.
+    score: weighted figures, dB, mean over the lights.
     figures: one for each light.
     """
 
@@ -46,11 +47,6 @@ class Proposal:
         return "/".join(self.tile)
 
     @property
-    def title(self) -> str:
-        """Its name, or its letters."""
-        return self.name or self.letters
-
-    @property
     def mean(self) -> Figures:
         """Mean over the lights."""
         return Figures(*np.mean(self.figures, axis=0).tolist())
@@ -64,39 +60,57 @@ def front(proposals: Sequence[Proposal]) -> BoolArray:
 
 
 def proposed(search: Search, judge: FastJudge, every: Sequence[Proposal]) -> list[Proposal]:
-    """The best dozen, which differ in size or in the number of colour sites as far as possible, then known tiles.
+    """The best dozen, then known tiles.
+
+    Half of the dozen have their colour sites in one block, the others scatter them, because renders treat the two differently. As
+    far as possible they differ in size or in the number of colour sites.
 
     every: all that was found, the best first.
     """
-    kinds: dict[tuple[int, int], Proposal] = {}
-    for each in every:
-        kinds.setdefault((len(each.tile), each.letters.count("W")), each)
-    varied = list(kinds.values())[:_SHOWN]
-    varied += [each for each in every if each not in varied][: _SHOWN - len(varied)]
+    dozen: list[Proposal] = []
+    for scattered in (False, True):
+        family = [each for each in every if CfaPattern(each.tile).is_scattered == scattered]
+        kinds: dict[tuple[int, int], Proposal] = {}
+        for each in family:
+            kinds.setdefault((len(each.tile), each.letters.count(PANCHROMATIC)), each)
+        varied = list(kinds.values())
+        dozen += [*varied, *(each for each in family if each not in varied)][: _SHOWN // 2]
     known = [CfaPattern.of_letters(name).tile for name in _KNOWN] if judge.letters == "RGB" else []
     named = [Proposal.of(search, judge, tile, name) for tile, name in zip(known, _KNOWN, strict=False)]
-    return sorted(varied, key=lambda each: -each.score) + named
+    return [replace(each, name=each.name or str(place)) for place, each in enumerate(_ordered(dozen), 1)] + named
+
+
+def by_measurement(shown: Sequence[Proposal], measured: Measured, weights: Mapping[str, float]) -> list[Proposal]:
+    """The proposals by the weighted figures that were measured, the best first, with that as their score."""
+    total = np.array([weights.get(name, 0.0) for name in Figures._fields]) / sum(weights.values())
+    return _ordered([replace(each, score=float(np.mean(slow_figures(measured, each.tile) @ total))) for each in shown])
 
 
 def text_table(shown: Sequence[Proposal], measured: Measured | None) -> Iterator[str]:
     """The proposals as lines for people: means over the lights."""
     names = [*Figures._fields, *(f"{name}, measured" for name in Figures._fields if measured)]
-    yield f"{'score':>6} {'light':>6}  " + "  ".join(names) + "   letters"
+    yield f"{'':5}  {'score':>5}  {'light':>5}  " + "  ".join(names) + "  letters"
     for each in shown:
-        values = [*each.mean, *(np.mean(_slow(each, measured), axis=0).tolist() if measured else ())]
+        values = [*each.mean, *(np.mean(slow_figures(measured, each.tile), axis=0).tolist() if measured else ())]
         cells = "  ".join(f"{value:{len(name)}.2f}" for name, value in zip(names, values, strict=True))
-        yield f"{each.score:6.2f} {each.light:6.2f}  {cells}   {each.letters}{f'   {each.name}' if each.name else ''}"
+        yield f"{each.name:5}  {each.score:5.2f}  {each.light:5.2f}  {cells}  {each.letters}"
 
 
 def records(shown: Sequence[Proposal], lights: Sequence[str], measured: Measured | None) -> Iterator[dict[str, Any]]:
     """The proposals for machines, the figures by light: "fast" as expected, "slow" as measured, dB."""
     for each in shown:
-        slow = _slow(each, measured) if measured else []
-        facts = {"name": each.name or None, "light": each.light, "score": each.score}
+        slow = slow_figures(measured, each.tile) if measured else []
         fast = {light: figures._asdict() for light, figures in zip(lights, each.figures, strict=True)}
         found = {light: Figures(*figures)._asdict() for light, figures in zip(lights, slow, strict=False)}
-        yield {"pattern": each.letters, **facts, "fast": fast, "slow": found or None}
+        yield {
+            "pattern": each.letters,
+            "name": each.name,
+            "light": each.light,
+            "score": each.score,
+            "fast": fast,
+            "slow": found or None,
+        }
 
 
-def _slow(each: Proposal, measured: Measured) -> list[tuple[float, ...]]:
-    return [slow_figures(measured, level, tile_of(each.tile)) for level in measured.study.levels]
+def _ordered(proposals: Iterable[Proposal]) -> list[Proposal]:
+    return sorted(proposals, key=lambda each: -each.score)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
@@ -59,16 +58,17 @@ def photographed(
     return Figures(study, results)
 
 
-def tile_of(letters: Sequence[str], channels: str = "") -> Tile:
-    """The tile with these rows, under its letters or its name."""
-    text = "/".join(letters)
-    return Tile.named(CfaPattern(tuple(letters), channels=channels), text)
+def slow_figures(measured: Figures, letters: Sequence[str]) -> list[tuple[float, ...]]:
+    """What was measured of the tile with these rows under each light, in the order of `SLOW`: dB; NaN where it failed.
 
-
-def slow_figures(figures: Figures, level: Protocol, tile: Tile) -> tuple[float, ...]:
-    """What was measured of a tile under a light, in the order of `SLOW`: dB, mean over the sets of scenes; NaN where it failed."""
-    rows = [each for group in figures.sets if (each := group.figure(level, figures.study.methods[0], tile=tile))]
-    return tuple(float(np.mean([criterion.of(each) for each in rows])) if rows else float("nan") for criterion in SLOW)
+    Where there are several sets of scenes it is the mean over these.
+    """
+    tile = next(each for each in measured.study.tiles if each.pattern.tile == tuple(letters))
+    method, found = measured.study.methods[0], []
+    for level in measured.study.levels:
+        rows = [each for group in measured.sets if (each := group.figure(level, method, tile=tile))]
+        found.append(tuple(float(np.mean([criterion.of(each) for each in rows])) if rows else float("nan") for criterion in SLOW))
+    return found
 
 
 def spearman(one: Sequence[float], other: Sequence[float]) -> float:
