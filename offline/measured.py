@@ -15,7 +15,9 @@ from .blocks import Sites
 from .parts import Part
 
 EVEN = 0.01 / 3
-"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off."""
+"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off.
+
+Chosen: half or twice changes 0.1 dB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +47,8 @@ class BlockSamples:
     noise: of the samples; None = there is none, or it is unknown.
     unclipped: bool B, blocks without a sample at the sensor's limit in them or next to them.
     fill_error: standard deviation of the error of filled luminance, float32 B, scene units.
-    kept: share of what the samples miss that the correction at the sites takes up, float32 B, 0 to 1; None = all of it. A burst
-        corrects the rest itself, with the samples of all frames.
+    kept: share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1; None = all of them. A burst
+        corrects the rest itself, with the samples of all frames; `fill_error` says the same of luminance.
     lines: colour as a function of luminance around the blocks; None = not asked for.
     """
 

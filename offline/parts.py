@@ -13,7 +13,7 @@ from shared.arrays import FloatArray
 from shared.progress import SILENT, Progress
 
 DARK = 1e-6
-"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected."""
+"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No photograph changes."""
 
 
 @dataclass(frozen=True, eq=False)

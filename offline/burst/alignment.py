@@ -25,10 +25,7 @@ from .tiles import Tiles, measure
 _CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less
 _PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = (
-    32,
-    16,
-)  # pixels of a level, about: on the last level of a search, and on those before (0.8, 0.0 dB with parallax)
+_TILE, _COARSE_TILE = 32, 16  # pixels of a level: on the last level of a search, on those before (0.8, 0.0 dB with parallax)
 _ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
 _LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less

@@ -9,7 +9,8 @@ from .lanes import WIDTH, greater, lesser, load, quotient, store, where_less
 
 _LANES = WIDTH // 2  # of float64
 _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose sites are all explained by one error
-_FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
+FAINTEST, STRONGEST = 0.06, 3.0
+"""Range of a chromaticity that weights an error of luminance, in units of grey: chosen, and a pure colour of three channels."""
 
 
 @parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
@@ -57,8 +58,8 @@ def solve_jointly(
                 _copy(variance[row, column], lane, noise)
             for _ in range(rounds):
                 for site in range(sites):
-                    value = greater(load(solved, (channels[site], 0)), _FAINTEST * grey)
-                    store(colour, (site, 0), lesser(value, _STRONGEST * grey))
+                    value = greater(load(solved, (channels[site], 0)), FAINTEST * grey)
+                    store(colour, (site, 0), lesser(value, STRONGEST * grey))
                 _covariance(colour, power, near, mismatch, noise, covariance)
                 explained[:] = 0.0
                 for site in range(sites):

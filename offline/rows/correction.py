@@ -77,7 +77,6 @@ def correct_sites(part: Part, measured: BlockSamples, gamma: FloatArray) -> Part
     colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(channels)], axis=2)
     light, tints = most_probable(measured.missed(part, rows), colour, measured, rows, gamma)
     if measured.kept is not None:
-        light *= measured.kept[rows, :, None]
         tints *= measured.kept[rows, :, None, None]
     luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
     for site, place in enumerate(places):

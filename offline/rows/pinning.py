@@ -23,14 +23,15 @@ from ..parts import DARK, Look, Part, RowStage
 from ..sites import signal_power, site_reach
 from ..solvers import report
 
-_SMOOTHNESS, _FADING = 0.1, 1e-3
-_EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance
+# Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01 (README).
+_SMOOTHNESS, _FADING = 0.1, 1e-3  # of the solution, relative to the precision of a sample (0.1, 0.1)
+_EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance (0.2)
 _TINY = 1e-6  # scene units: the least difference that is an edge
-_AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
-_CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too
-_TAPS = 2  # tiles that interpolation between them looks beyond a pixel
+_AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted (0.1)
+_CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too (0.0)
+_TAPS = 2  # tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
 _BYTES, _CHANNEL = 29.0, 12.0  # of memory, per pixel of the rows that are held, and per channel of them: measured
-_LEAST_SUM = 0.5  # of gamma c: below it, the base stays
+_LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
 
 
 def _share(power: FloatArray, noise: FloatArray | None) -> FloatArray:

