@@ -17,8 +17,9 @@ import numpy as np
 from .aberration import Aberration
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
-from .figures import numbers, shown, tables, whole
+from .figures import numbers, shown, whole
 from .lens import OfLens
+from .lights import COLOUR_RANGE, Lights, checked_lights, checked_matrix, colours_under, lights_from_json
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -30,9 +31,6 @@ BITS = range(8, 17)
 # beyond the limits a render would overflow, without an error.
 _GAMMA = (1e-3, 1e3)
 NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
-_NEUTRAL = (1e-6, 1e6)
-_COLOUR = (1e-6, 1e6)
-_WORST_MATRIX = 1e4  # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of the others
 _LEAST_RANGE = 16  # codes from black to white
 _MOST_DEFECTS = 1 << 20  # one in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render
 
@@ -120,6 +118,7 @@ class SensorCalibration:
     camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
     shading: of lens and sensor; None = unknown, treated as none. Noise and levels are those before its gain.
     aberration: lateral chromatic aberration of the lens; None = unknown, treated as none.
+    lights: the colours under two lights; None = one. `camera_to_xyz` follows from them and from `neutral`, see `colours_under`.
 
     >>> from shared import SensorCalibration
     >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
@@ -144,6 +143,7 @@ class SensorCalibration:
     camera: str = ""
     shading: Shading | None = None
     aberration: Aberration | None = None
+    lights: Lights | None = None
 
     def __post_init__(self) -> None:
         count = len(self.channels)
@@ -172,11 +172,14 @@ class SensorCalibration:
             for name in ("shot", "read"):
                 _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], NOISE_RANGE, "0, or ")
         if self.neutral is not None:
-            self._set("neutral", self.neutral, count, _NEUTRAL)
+            self._set("neutral", self.neutral, count, COLOUR_RANGE)
         elif self.neutral_estimated:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
+        if self.lights is not None:
+            object.__setattr__(self, "lights", checked_lights(self.lights, letters))
+            object.__setattr__(self, "camera_to_xyz", colours_under(self.lights, self.neutral))
         if self.camera_to_xyz is not None:
-            object.__setattr__(self, "camera_to_xyz", _matrix(self.camera_to_xyz, count))
+            object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
         for fault in self.lens:
             fault.check_channels(letters)
@@ -207,6 +210,11 @@ class SensorCalibration:
     def zoomed(self, focal_length: float | None) -> tuple[str, ...]:
         """Remarks on a shot at this focal length, millimetres: one for each part of `lens` that was measured at another one."""
         return tuple(remark for each in self.lens if (remark := each.zoomed(focal_length)))
+
+    @property
+    def knows_white(self) -> bool:
+        """Whether it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
+        return self.neutral is not None or (self.camera_to_xyz is not None and self.lights is None)
 
     @property
     def full_scale(self) -> float:
@@ -253,9 +261,11 @@ class SensorCalibration:
         document = {"schema": SCHEMA, **asdict(self)}
         if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
             del document["neutral_estimated"]
-        for name in LENS:  # likewise
+        for name in (*LENS, "lights"):  # likewise
             if document[name] is None:
                 del document[name]
+        if self.lights:
+            del document["camera_to_xyz"]
         return document
 
     @classmethod
@@ -279,6 +289,10 @@ class SensorCalibration:
         for name, fault in LENS.items():
             if name in given:
                 given[name] = fault.from_json(given[name])
+        if given.get("lights") is not None:
+            if given.get("camera_to_xyz") is not None:
+                raise InputError("calibration: has lights and camera_to_xyz, which follows from them: leave one of them out")
+            given["lights"] = lights_from_json(given["lights"])
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
@@ -305,21 +319,6 @@ def _check_range(name: str, values: Iterable[float], limits: tuple[float, float]
     for value in values:
         if not low <= value <= high:
             raise InputError(f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}")
-
-
-def _matrix(values: Any, channels: int) -> tuple[tuple[float, ...], ...]:
-    """Check a matrix from channels to XYZ and return its rows; raises InputError."""
-    rows: tuple[tuple[float, ...], ...] = tables("calibration: camera_to_xyz", values, 2)
-    if len(rows) != 3 or any(len(row) != channels for row in rows):
-        raise InputError(f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures")
-    matrix = np.array(rows)
-    largest, (least, most) = np.abs(matrix).max(axis=0), _COLOUR
-    if not all(least <= figure <= most for figure in largest[largest > 0]):
-        raise InputError(f"calibration: camera_to_xyz has a column whose largest figure is not {least:g} to {most:g}: {rows}")
-    lengths = np.sqrt((matrix**2).sum(axis=0))
-    if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
-        raise InputError(f"calibration: camera_to_xyz has not full rank: {rows}")
-    return rows
 
 
 def _places(values: Any) -> tuple[tuple[int, int], ...]:

@@ -17,7 +17,7 @@ from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", *LENS)
-"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral."""
+"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral, or lights."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ class Camera:
         self.check(mosaic.pattern, mosaic.calibration)
         known, own = self.calibration, mosaic.calibration
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
+        white = known if colours is known and known.knows_white else own  # a camera with two lights does not know that of the shot
         # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
         parts = ("noise", "defects", "sensor", *LENS)
         kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
@@ -68,8 +69,9 @@ class Camera:
             known,
             **kept,
             camera_to_xyz=colours.camera_to_xyz,
-            neutral=colours.neutral,
-            neutral_estimated=colours.neutral_estimated,
+            neutral=white.neutral,
+            neutral_estimated=white.neutral_estimated,
+            lights=colours.lights,
         )
         return Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
 

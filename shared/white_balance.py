@@ -98,16 +98,16 @@ def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: tuple[
 
 
 def balanced(calibration: SensorCalibration, neutral: DoubleArray, *, estimated: bool = False) -> SensorCalibration:
-    """The calibration for a light under which white reads `neutral`, up to scale; each channel is scaled (von Kries).
+    """The calibration for a light under which white reads `neutral`, up to scale.
 
     neutral: positive readings, one per channel.
     estimated: the neutral is an estimate, see `SensorCalibration.neutral_estimated`.
 
-    Scaling in camera RGB also works for light that is far from the one of the matrix. Raises InputError when the calibration has a
-    matrix for which no reading is white.
+    Each channel is scaled (von Kries), which also works for light that is far from the one of the matrix; a calibration for two
+    lights has a matrix for each neutral. Raises InputError when the calibration has a matrix for which no reading is white.
     """
     white, matrix = np.array(normalised(neutral)), calibration.camera_to_xyz
-    if matrix is not None:
+    if matrix is not None and calibration.lights is None:
         before = np.linalg.lstsq(np.array(matrix), D50)[0] if calibration.neutral is None else np.array(calibration.neutral)
         if before.min() <= 0:
             raise InputError("calibration: camera_to_xyz maps no possible reading to white; calibrate again")

@@ -14,7 +14,7 @@ _FOLLOWS = 1 / 16  # part of the way to a new frame's own estimate: half of a ch
 class SteadyWhite:
     """Balances the frames of one stream, in their order. The estimate is a running mean, so it cannot flicker.
 
-    Frames whose calibration knows colours pass unchanged, and so do those before the first one that is bright enough.
+    Frames whose calibration knows what white reads pass unchanged, and so do those before the first one that is bright enough.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class SteadyWhite:
     def __call__(self, mosaic: Mosaic) -> Mosaic:
         """The frame with an estimated neutral in its calibration, and marked so."""
         calibration = mosaic.calibration
-        if calibration.neutral is not None or calibration.camera_to_xyz is not None:
+        if calibration.knows_white:
             return mosaic
         found = estimate_neutral(mosaic)
         if found is not None:

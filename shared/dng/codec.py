@@ -49,7 +49,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma, pattern.channels))
+        known = calibration.camera_to_xyz, calibration.neutral, calibration.gamma, pattern.channels, calibration.lights
+        main.fields.update(colour_fields(*known))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
     main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record

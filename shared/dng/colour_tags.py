@@ -1,5 +1,6 @@
 """The colour fields of a DNG: matrices from XYZ to camera RGB, and the reading of white."""
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -7,11 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
 from ..errors import InputError
+from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
-from .tags import Light, Tag
+from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, Light, Tag
 
 _MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
 """What a filter reads, from red, green and blue: the nominal one, and all that DNG has codes for."""
+_TAGS = (
+    (Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1, Tag.ILLUMINANT_DATA_1),
+    (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2, Tag.ILLUMINANT_DATA_2),
+)
+_PARTS = 1_000_000  # denominator of chromaticities
 
 
 def has_colours(channels: str) -> bool:
@@ -24,18 +31,24 @@ def has_colours(channels: str) -> bool:
 
 
 def colour_fields(
-    camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, panchromatic: ArrayLike | None = None, channels: str = "RGB"
+    camera_to_xyz: ArrayLike | None,
+    neutral: ArrayLike | None,
+    panchromatic: ArrayLike | None = None,
+    channels: str = "RGB",
+    lights: Lights | None = None,
 ) -> Fields:
-    """Fields ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with three channels.
+    """Fields ColorMatrix, CalibrationIlluminant and AsShotNeutral of a camera with three channels.
 
-    Both matrices describe the same camera. DNG asks for the one under D50, which the calibration has. But LibRaw, darktable and
-    similar programs take any matrix for one under D65, and show saturated colours wrong by a tenth unless they find such a matrix.
+    With `lights` there is a matrix for each. Otherwise both, 1 (D50) and 2 (D65), describe the camera under one light. DNG asks for
+    the one under D50, which the calibration has. But LibRaw, darktable and similar programs take any matrix for one under D65, and
+    show saturated colours wrong by a tenth unless they find such a matrix.
 
     camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries,
         and of them cyan, magenta and yellow.
     neutral: reading of white in the 3 channels; None = the reading that the matrix maps to D50.
     panchromatic: the 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the weighted sum.
     channels: letters of the channels, for which `has_colours` is true.
+    lights: of a file whose light its reader may choose; None = one light, and all programs show the same colours.
     Raises InputError when the matrix cannot be inverted, or the neutral is not three positive numbers.
     """
     seen = None if neutral is None else np.asarray(neutral, np.float64)
@@ -53,12 +66,9 @@ def colour_fields(
     to_camera = np.linalg.inv(matrix)
     if seen is None:
         seen = to_camera @ D50
-    if panchromatic is not None:
-        weights = np.asarray(panchromatic, np.float64)
-        to_camera = np.vstack([to_camera, weights @ to_camera])
-        seen = np.append(seen, weights @ seen)
+    to_camera, seen = _planes(to_camera, panchromatic), _planes(np.asarray(seen), panchromatic)
     from_d65 = adaptation(xyz(*D65_XY))
-    return {
+    fields: Fields = {
         Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
         Tag.COLOR_MATRIX_2: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
         Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [Light.D50]),
@@ -66,6 +76,22 @@ def colour_fields(
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
         Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, _to_one(seen, seen).clip(1e-6).tolist()),
     }
+    for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
+        known = light.illuminant in Light.__members__
+        fields[color_matrix] = FieldType.SRATIONAL, to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist()
+        fields[illuminant] = FieldType.SHORT, [Light[light.illuminant] if known else Light.OTHER]
+        if not known:
+            x, y = (round(each * _PARTS) for each in light.white)
+            fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _PARTS, y, _PARTS)
+            fields[Tag.DNG_VERSION] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
+    return fields
+
+
+def _planes(readings: NDArray[Any], panchromatic: ArrayLike | None) -> NDArray[Any]:
+    """Readings of three channels, (3, ...), and of the panchromatic plane, if there is one."""
+    if panchromatic is None:
+        return readings
+    return np.concatenate([readings, [np.asarray(panchromatic, np.float64) @ readings]])
 
 
 def _to_one(values: NDArray[Any], white: NDArray[Any]) -> NDArray[Any]:

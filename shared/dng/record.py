@@ -20,7 +20,7 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
-_BESIDE = ("neutral_estimated", *LENS)  # fields of the calibration that stand beside it in the record
+_BESIDE = ("neutral_estimated", *LENS, "lights")  # fields of the calibration that stand beside it in the record
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from ..pattern import PANCHROMATIC
 MAKER = "Panchroma"
 
 DNG_VERSION = bytes([1, 4, 0, 0])
+DNG_VERSION_OF_ILLUMINANT_DATA = bytes([1, 6, 0, 0])
 DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 
 # The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern, kMaxBlackPattern).
@@ -97,6 +98,8 @@ class Tag(IntEnum):
     CALIBRATION_ILLUMINANT_2 = 50779
     PREVIEW_COLOR_SPACE = 50970
     NEW_RAW_IMAGE_DIGEST = 51111
+    ILLUMINANT_DATA_1 = 52533  # DNG 1.6: SHORT 0, then two RATIONALs: CIE x, y
+    ILLUMINANT_DATA_2 = 52534
 
 
 class Compression(IntEnum):
@@ -117,5 +120,9 @@ class Photometric(IntEnum):
 class Light(IntEnum):
     """Values of CalibrationIlluminant, which are those of LightSource in Exif."""
 
+    A = 17
+    D55 = 20
     D65 = 21
+    D75 = 22
     D50 = 23
+    OTHER = 255  # as ILLUMINANT_DATA says

@@ -49,7 +49,7 @@ def _text(value: Any, indent: str = "") -> str:
     if isinstance(value, dict) and value:
         rows = [f"{deeper}{json.dumps(key)}: {_text(entry, deeper)}" for key, entry in value.items()]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple | str):
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple | str | dict):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

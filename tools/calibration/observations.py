@@ -20,6 +20,7 @@ class Observations:
     dark: of dark frames.
     flats: of pairs of flat frames.
     shots: of each shot of a chart or of an ordinary scene.
+    lights: the names of the two lights on the charts; () = one light, whose name does not matter.
     shading: of flat frames.
     aberration: of shots with edges.
     skipped: a line for each frame, or set of frames, that could not be used.
@@ -30,6 +31,7 @@ class Observations:
     dark: DarkResult | None = None
     flats: FlatResult | None = None
     shots: list[ShotMeasurement] = field(default_factory=list)
+    lights: tuple[str, ...] = ()
     shading: ShadingResult | None = None
     aberration: AberrationResult | None = None
     skipped: list[str] = field(default_factory=list)

@@ -23,7 +23,7 @@ from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
 from .edges import Edges, Filled, find_edges
-from .files import Files
+from .files import KINDS, Files
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations
 from .shading import measure_shading
@@ -64,6 +64,9 @@ class Session:
         self.dark(files["dark"])
         self.flat(files["flat"])
         self.shots(files["shots"], chart_colours, corners)
+        self.seen.lights = tuple(kind for kind in files if kind not in KINDS)
+        for light in self.seen.lights:
+            self.shots(files[light], chart_colours, light=light)
         self.edges(files["edges"], filled)
         return self.seen
 
@@ -112,11 +115,14 @@ class Session:
         for index in unpaired:
             self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
 
-    def shots(self, paths: Sequence[str], chart_colours: DoubleArray | None, corners: Matrix | None = None) -> None:
+    def shots(
+        self, paths: Sequence[str], chart_colours: DoubleArray | None, corners: Matrix | None = None, light: str = ""
+    ) -> None:
         """Measure shots of a chart, or of ordinary scenes.
 
         chart_colours: (24, 3), XYZ (D50), white = 1; None = the shots show ordinary scenes.
         corners: where the chart is, see `ChartPlace`; None = find it.
+        light: see `ShotMeasurement`.
         """
 
         def measured(path: str, progress: StageProgress) -> ShotMeasurement:
@@ -130,7 +136,7 @@ class Session:
 
         for shot in self._each(paths, "shot", measured):
             self._console.say(shot.words)
-            self.seen.shots.append(shot)
+            self.seen.shots.append(replace(shot, light=light))
 
     def edges(self, paths: Sequence[str], filled: Filled) -> None:
         """Measure lateral chromatic aberration; what shots state of it does not count."""

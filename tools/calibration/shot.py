@@ -32,6 +32,7 @@ class ShotMeasurement:
     chart: the chart; None for an ordinary scene.
     places: statistics of the patches; None for an ordinary scene.
     picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene.
+    light: the one of two on the chart, "" = the only one.
     """
 
     name: str
@@ -40,6 +41,7 @@ class ShotMeasurement:
     chart: FoundChart | None = None
     places: PlaceSamples | None = None
     picture: ByteArray | None = None
+    light: str = ""
 
     @property
     def words(self) -> str:

@@ -17,6 +17,7 @@ from shared import Camera
 from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix, lab_to_xyz
 from shared.errors import InputError
+from shared.lights import check_apart, illuminant_xy
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
@@ -51,6 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="shots with many sharp edges all over the frame (or folders of them), a chart or ordinary ones: lateral chromatic "
         "aberration",
     )
+    parser.add_argument(
+        "--chart-light",
+        nargs="+",
+        action="append",
+        metavar=("LIGHT", "F"),
+        help="twice, in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200), and shots of the chart under it "
+        "(or folders of them); pictures under any light between the two then have the right colours",
+    )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
         "--corners",
@@ -81,7 +90,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.session import Session
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or ())
+    lights = _lights(arguments)
+    files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or (), lights)
     for search in searches:
         search.report(console)
     if not any(files.values()):
@@ -100,7 +110,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.note(remark)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
-    if files["shots"] and not seen.shots and not (old and "gamma" in old.measured):
+    if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
         kind = "scene" if arguments.no_chart else "chart"
         return _refused(
             output,
@@ -129,6 +139,25 @@ def color_checker_xyz() -> DoubleArray:
     from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
+
+
+def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
+    """The shots of the chart under each of two lights; empty if there is one, which needs no name."""
+    given: list[list[str]] = arguments.chart_light or []
+    if not given:
+        return {}
+    names = [name.upper().removesuffix("K") for name, *_ in given]
+    for name, (said, *shots) in zip(names, given, strict=True):
+        illuminant_xy(name)
+        if not shots:
+            raise InputError(f"--chart-light {said}: name the shots of the chart under this light")
+    if len(names) != 2 or arguments.no_chart:
+        raise InputError(
+            "--chart-light is given once for each of two lights, with shots of the chart under it, and without --no-chart; charts "
+            "under one light need none"
+        )
+    check_apart(*names)
+    return {name: shots for name, (_, *shots) in zip(names, given, strict=True)}
 
 
 def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:

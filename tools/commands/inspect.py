@@ -183,11 +183,13 @@ def _table(facts: dict[str, Any]) -> list[str]:
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
     """Rows that shots and camera files share."""
+    lights = document.get("lights", ())
     return {
         "levels": f"black {_row(document['black_level'])}, white {document['white_level']}",
         "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
-        "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
+        "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
+        **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_row(each['neutral'])}" for each in lights},
         "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
         + (", estimated from the picture" if document.get("neutral_estimated") else ""),
         **_lens(document),
@@ -227,6 +229,10 @@ def _noise(noise: dict[str, Any] | None) -> str:
     if not any(noise["shot"]):
         return f"sigma {_row(noise['read'])} scene units"
     return f"variance = {_row(noise['shot'])} x signal + ({_row(noise['read'])})^2, scene units"
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> str:
+    return " / ".join(" ".join(f"{value:+.4f}" for value in row) for row in rows)
 
 
 def _row(values: tuple[float, ...]) -> str:

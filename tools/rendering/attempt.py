@@ -133,7 +133,7 @@ class _Attempt:
         if calibration.noise is None:
             taken = "estimated from the shot" if order.settings.noise.estimate else "taken as zero"
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
-        if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
+        if not calibration.knows_white and order.kind.has_white_balance:
             note(f'{source}: the white balance is unknown and taken as even; `wb="auto"` estimates it, `wb="R,G,B"` sets it')
         for zoomed in calibration.zoomed(mosaic.metadata.focal_length):
             note(f"{source}: {zoomed}")

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata
-from shared.arrays import CodeArray, FloatArray
+from shared.arrays import CodeArray, DoubleArray, FloatArray
 from shared.colorimetry import D65_XY, Matrix
 from shared.dng import metadata_from
 from shared.dng.exif_reading import printable
 from shared.dng.tags import Tag
 from shared.errors import InputError
+from shared.lights import ILLUMINANTS, between
 from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_reading import StoredDirectories, StoredFields
 from shared.white_balance import clipped_share, normalised
@@ -35,15 +36,8 @@ NEEDED = "rawpy", "PIL.Image", "scipy.ndimage"
 """Packages that reading a RAW imports: they are loaded before its time is counted, which is less than they take."""
 _CHANNELS = "RGB"
 _COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
-# CIE x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); all others are treated as D65.
-_ILLUMINANTS = {
-    3: (0.4476, 0.4074),
-    17: (0.4476, 0.4074),
-    23: (0.3457, 0.3585),
-    20: (0.3324, 0.3474),
-    1: (0.3324, 0.3474),
-    22: (0.2990, 0.3149),
-}
+# Exif's LightSource values; all others are treated as D65.
+_ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
 NO_RAW = "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
 UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
@@ -173,19 +167,31 @@ def _neutral(raw: Any) -> tuple[float, ...] | None:
 
 
 def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one."""
-    candidates = [(_numbers(tags, tag), _illuminant(_numbers(tags, light))) for tag, light in _COLOR_MATRICES]
-    candidates.sort(key=lambda candidate: abs(candidate[1][0] - D65_XY[0]))
-    for values, illuminant in (*candidates, (known, D65_XY)):
-        try:
-            matrix = np.array(values, np.float64).reshape(3, 3)
-        except (TypeError, ValueError, ArithmeticError):
-            continue
-        # DNG requires a matrix: programs that do not know the camera write a unit matrix.
-        meant = np.isfinite(matrix).all() and np.linalg.matrix_rank(matrix) == 3 and not np.allclose(matrix, np.eye(3))
-        if meant and neutral is not None:
-            return camera_to_xyz(matrix, neutral, illuminant)
-    return None
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one.
+
+    With matrices for two lights it is the one for the light of the neutral, see `between`.
+    """
+    if neutral is None:
+        return None
+    stated = [(_illuminant(_numbers(tags, light)), _usable(_numbers(tags, tag))) for tag, light in _COLOR_MATRICES]
+    usable = [(light, matrix) for light, matrix in stated if matrix is not None]
+    if len(usable) == 2 and usable[0][0] != usable[1][0] and (mixed := between(usable, neutral)):
+        return mixed
+    usable.sort(key=lambda each: abs(each[0][0] - D65_XY[0]))
+    if not usable and (matrix := _usable(known)) is not None:
+        usable = [(D65_XY, matrix)]
+    return camera_to_xyz(usable[0][1], neutral, usable[0][0]) if usable else None
+
+
+def _usable(values: Any) -> DoubleArray | None:
+    """Return a ColorMatrix, (3, 3); None if it is none, or says nothing."""
+    try:
+        matrix = np.array(values, np.float64).reshape(3, 3)
+    except (TypeError, ValueError, ArithmeticError):
+        return None
+    # DNG requires a matrix: programs that do not know the camera write a unit matrix.
+    meant = np.isfinite(matrix).all() and np.linalg.matrix_rank(matrix) == 3 and not np.allclose(matrix, np.eye(3))
+    return matrix if meant else None
 
 
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
@@ -194,7 +200,7 @@ def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
 
 
 def _illuminant(light: tuple[float, ...]) -> tuple[float, float]:
-    return _ILLUMINANTS.get(int(light[0]), D65_XY) if light and 0 <= light[0] < 2**16 else D65_XY
+    return ILLUMINANTS[_ILLUMINANTS.get(int(light[0]), "D65") if light and 0 <= light[0] < 2**16 else "D65"]
 
 
 def _metadata(raw: Any, directories: StoredDirectories) -> CaptureMetadata:

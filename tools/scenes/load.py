@@ -27,7 +27,7 @@ from .picture import picture_scene
 from .scene import RGB, Scene, check_size, scene_channels
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
-_DRAWN: dict[str, Callable[[int, int], Scene]] = {
+_DRAWN: dict[str, Callable[..., Scene]] = {
     "builtin:": builtin_scene,
     "chart:": chart_scene,
     "flat:": flat_scene,
@@ -56,7 +56,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
         "builtin:WxH" (see `builtin_scene`),
         "chart:WxH" (see `chart_scene`),
         "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`),
-        "spectral:WxH" (eight bands, see `spectral_scene`).
+        "spectral:WxH", "spectral:WxH@A" (eight bands, under 5000 K or another light, see `spectral_scene`).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
     channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
@@ -124,12 +124,12 @@ def _misspelt(source: str) -> str:
 
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
-    size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
-    if not size:
+    size = re.fullmatch(r"(\d{1,6})x(\d{1,6})(?:@(\w+))?", source.removeprefix(kind))
+    if not size or (size[3] and _DRAWN[kind] is not spectral_scene):
         raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
-    scene = _DRAWN[kind](width, height)
+    scene = _DRAWN[kind](width, height, *filter(None, (size[3],)))
     wanted = scene_channels(channels)
     if kind in _EVEN and not set(wanted) <= set(RGB):
         return replace(scene, rgb=scene.rgb[..., :1].repeat(len(wanted), axis=2), channels=wanted)

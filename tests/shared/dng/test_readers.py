@@ -13,9 +13,14 @@ from tifffile import TiffFile
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.dng import Layout, encode_dng, read_dng, read_preview, write_dng
+from shared.lights import CalibratedLight
 from tests.exiftool import exiftool
 from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview, same
 
+LIGHTS = (
+    CalibratedLight("A", ((0.7, 0.2, 0.1), (0.2, 0.9, -0.1), (0.0, -0.3, 2.1)), (1.0, 0.9, 0.5)),
+    CalibratedLight("D65", ((1.2, 0.2, 0.1), (0.4, 0.9, -0.2), (0.0, -0.2, 1.1)), (0.6, 0.9, 1.0)),
+)
 CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))), "cfa"),
     (mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)), "cfa"),
@@ -24,6 +29,7 @@ CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=SensorCalibration.of_bits(12).black_level)), "auto"),
     (mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))), "auto"),
     (mosaic(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)), (45, 33)), "cfa"),
+    (mosaic(CfaPattern.bayer(6), (40, 52), calibration(camera_to_xyz=None, lights=LIGHTS)), "cfa"),
     (mosaic(CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"), (64, 51)), "linear"),
     (mosaic(CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0)), (33, 40), calibration("YCM", camera_to_xyz=None)), "cfa"),
     (mosaic(CfaPattern.of_letters("RWWWW/WBWWW/WWWWW/WWWWW/WWWWW")), "auto"),

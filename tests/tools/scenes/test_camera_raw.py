@@ -15,6 +15,7 @@ import tifffile
 from shared.arrays import CodeArray
 from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.errors import InputError
+from shared.lights import ILLUMINANTS
 from shared.pattern import BAYER_ORDERS
 from shared.white_balance import shades_of_grey
 from tests.python import run_python
@@ -105,15 +106,26 @@ def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: 
     np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
 
 
-@pytest.mark.parametrize("also", [{}, {50722: (SRATIONAL, rationals(MATRIX + 0.05)), 50779: (SHORT, [17])}])
-def test_white_balance_and_matrix_of_the_file(tmp_path: Path, also: dict[int, Any]) -> None:
-    """Of two matrices the one for daylight is used."""
-    fields = {50721: (SRATIONAL, rationals(MATRIX)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625))), **also}
+def test_white_balance_and_matrix_of_the_file(tmp_path: Path) -> None:
+    fields = {50721: (SRATIONAL, rationals(MATRIX)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
     scene = loaded(tmp_path, noise(60, 80), fields=fields)
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
     assert scene.notes == ()
     assert scene.camera_to_xyz is not None
     np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+
+
+@pytest.mark.parametrize("light", ["A", "D65"])
+def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(tmp_path: Path, light: str) -> None:
+    under = {"A": MATRIX + 0.05, "D65": MATRIX}
+    neutral = under[light] @ xyz(*ILLUMINANTS[light])
+    neutral /= neutral.max()
+    matrices = {50721: (SRATIONAL, rationals(under["A"])), 50722: (SRATIONAL, rationals(under["D65"]))}
+    fields = {**matrices, 50778: (SHORT, [17]), 50779: (SHORT, [21]), 50728: (RATIONAL, rationals(neutral))}
+    scene = loaded(tmp_path, noise(60, 80), fields=fields)
+    assert scene.camera_to_xyz is not None
+    expected = camera_to_xyz(under[light], tuple(neutral.tolist()), ILLUMINANTS[light])
+    np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-3)  # fractions of four digits
 
 
 def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.colour_difference import delta_e_2000
+from shared.lights import CalibratedLight
 
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled
@@ -25,10 +26,35 @@ _BRIGHT_GREYS = list(range(18, 21))  # white, neutral 8, neutral 6.5
 
 
 def colour(evidence: Evidence) -> Part | None:
-    """The camera's colours: of every chart without clipped patches those that predict the left-out patches best."""
+    """The camera's colours: of every chart without clipped patches those that predict the left-out patches best.
+
+    Under two lights, those under each; the part is refused unless both are known.
+    """
+    lights = evidence.seen.lights
+    if not lights:
+        return _under(evidence, "")
+    parts = {light: part for light in lights if (part := _under(evidence, light))}
+    if missing := [light for light in lights if light not in parts]:
+        return Part("colour", refusal=f"no chart without clipped patches was found under the light {' and '.join(missing)}")
+    every = list(parts.values())
+    found = [CalibratedLight(light, part.changes["camera_to_xyz"], part.changes["neutral"]) for light, part in parts.items()]
+    return Part(
+        "colour",
+        {"light": list(lights)} | {name: [(part.facts or {})[name] for part in every] for name in every[0].facts or ()},
+        {"lights": tuple(found), "neutral": None, "neutral_estimated": False},
+        [line for part in every for line in part.warnings],
+        [line for part in every for line in part.contradictions],
+        headline=" ".join(f"Under {light}: {part.headline}" for light, part in parts.items()),
+        sections=lambda: {f"{name} under {light}": page for light, each in parts.items() for name, page in each.sections().items()},
+    )
+
+
+def _under(evidence: Evidence, light: str) -> Part | None:
+    """The colours under one light; None if no chart shows them."""
     gamma, chart_colours, candidates = evidence.gamma, evidence.chart_colours, []
     for shot in evidence.seen.shots:
-        if gamma is not None and shot.places is not None and shot.chart is not None and not shot.places.clipped.any():
+        usable = shot.light == light and shot.places is not None and not shot.places.clipped.any()
+        if gamma is not None and usable and shot.places is not None and shot.chart is not None:
             levels = reconciled(shot.places, gamma.gamma)
             candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
     if not candidates:
@@ -57,7 +83,7 @@ def colour(evidence: Evidence) -> Part | None:
             "leave_one_out_dE2000": round(left_out, 3),
             "light_unevenness": round(fit.unevenness, 3),
         },
-        {"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist())},
+        {"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist()), "lights": None},
         warnings,
         [f"{off} {_USELESS:.0f}"] if mean > _USELESS else (),
         headline=f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).",

@@ -134,7 +134,7 @@ def _wrong_black(fit: GammaFit) -> str:
 def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that were left out."""
     warnings = []
-    tints = [tint for shot in shots if (tint := coloured_light(shot))]
+    tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD:
         remedy = "white light would help" if tints else "more light, a larger chart, more shots or flat frames (`flat`) would help"
         warnings.append(f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy}")

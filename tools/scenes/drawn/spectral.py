@@ -11,6 +11,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray
 from shared.colorimetry import D50
+from shared.lights import illuminant_xy, temperature
 
 from ..scene import Scene
 from .builtin import Drawing, leaves_and_charts
@@ -20,7 +21,7 @@ from .strokes import ink
 
 BANDS = "HIJKLNOP"  # short to long wavelengths; letters that no other filter has
 CENTRES = np.arange(420.0, 666.0, 35.0)  # nm; each band fades to nothing at the centres of its neighbours
-TEMPERATURE = 5000.0  # K, of the light: Planck's formula
+TEMPERATURE = 5000.0  # K, of the usual light: Planck's formula
 _SECOND_RADIATION = 1.438777e7  # nm K, hc / k
 
 # Reflectances of the ColorChecker in thousandths, in reading order: N. Ohta's measurements (1997), which colour-science 0.4.7
@@ -56,8 +57,10 @@ MIXTURES = MappingProxyType({name: tuple((passed / 24).tolist()) for name, passe
 _STRIPES = (0.10, 0.05, 0.02)  # widths in the metamer chart, parts of its height
 
 
-def spectral_scene(width: int, height: int) -> Scene:
+def spectral_scene(width: int, height: int, illuminant: str = "") -> Scene:
     """Draw the scene at any size from 1 x 1, in eight bands; the same size gives the same pixels.
+
+    illuminant: the light, see `shared.lights.illuminant_xy`: a black body as warm; "" = 5000 K, under which metamers look alike.
 
     It shows dead leaves as `builtin_scene` does, and in larger frames charts in front of them: a ColorChecker, metamers, a Siemens
     star in chromaticity alone, and slanted edges with lettering. White reads `light`, 1 in the brightest band.
@@ -65,14 +68,15 @@ def spectral_scene(width: int, height: int) -> Scene:
     ground = 0.4 * _DARK_SKIN
     materials = Materials(PATCHES[:23], _FREQUENCY, _DYES - _DYES.mean(axis=1, keepdims=True), ground)
     picture = leaves_and_charts(width, height, materials, CHARTS, _paints())
-    picture *= light().astype(np.float32)
-    name = f"spectral-{width}x{height}"
-    return Scene(picture, name, _to_xyz(), tuple(light().tolist()), channels=BANDS, mixtures=MIXTURES)
+    shining = light(temperature(illuminant_xy(illuminant))) if illuminant else light()
+    picture *= shining.astype(np.float32)
+    name = f"spectral-{width}x{height}{illuminant and '@'}{illuminant}"
+    return Scene(picture, name, _to_xyz(shining), tuple(shining.tolist()), channels=BANDS, mixtures=MIXTURES)
 
 
-def light() -> DoubleArray:
+def light(kelvin: float = TEMPERATURE) -> DoubleArray:
     """Light of the scene in each band, (8,), 1 in the brightest: what a white surface reads."""
-    radiance: DoubleArray = CENTRES**-5 / np.expm1(_SECOND_RADIATION / (CENTRES * TEMPERATURE))
+    radiance: DoubleArray = CENTRES**-5 / np.expm1(_SECOND_RADIATION / (CENTRES * kelvin))
     radiance /= radiance.max()
     return radiance
 
@@ -115,7 +119,7 @@ def _paints() -> Paints:
     return Paints(PATCHES.reshape(4, 6, -1), _WHITE, _BLACK, _ORANGE, cool, (_BLACK, _RED, _BLUE, _BLACK))
 
 
-def _to_xyz() -> tuple[tuple[float, ...], ...]:
+def _to_xyz(shining: DoubleArray) -> tuple[tuple[float, ...], ...]:
     """The bands in CIE XYZ, (3, 8), scaled so that the light is D50.
 
     Colour matching functions: C. Wyman, P.-P. Sloan and P. Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching
@@ -134,5 +138,5 @@ def _to_xyz() -> tuple[tuple[float, ...], ...]:
             lobe(1.217, 437.0, 0.0845, 0.0278) + lobe(0.681, 459.0, 0.0385, 0.0725),
         ]
     )
-    matching *= (D50 / (matching @ light()))[:, None]
+    matching *= (D50 / (matching @ shining))[:, None]
     return tuple(tuple(row) for row in matching.tolist())

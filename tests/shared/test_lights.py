@@ -1,0 +1,144 @@
+"""Colours between two lights, against DNG 1.7.1, chapter 6, word for word."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from device.capture.white_balance import SteadyWhite
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import DoubleArray
+from shared.colorimetry import D50, adaptation, as_rows, xyz
+from shared.errors import InputError
+from shared.lights import ILLUMINANTS, CalibratedLight, Lights, colours_under, illuminant_xy, temperature
+from shared.white_balance import balanced
+from tests.sensitivities import colour_science
+
+# Matrices of a camera for A and D65, what white reads in a shot, and the chromaticity of that white: the example of
+# `camera_neutral_to_xy` in colour-hdri 0.2.6.
+WARM = np.array([[0.5309, -0.0229, -0.0336], [-0.6241, 1.3265, 0.3337], [-0.0817, 0.1215, 0.6664]])
+COLD = np.array([[0.4716, 0.0603, -0.0830], [-0.7798, 1.5474, 0.2480], [-0.1496, 0.1937, 0.6651]])
+SHOT, WHITE = (0.413070, 1.0, 0.646465), (0.3281624, 0.3469816)
+ROBERTSON = 2e-3  # of a matrix's largest figure: temperatures by Robertson's table and by McCamy's formula differ by up to 0.2 %
+
+
+def light(illuminant: str, to_camera: DoubleArray) -> CalibratedLight:
+    """The light whose ColorMatrix is `to_camera`."""
+    white = xyz(*illuminant_xy(illuminant))
+    neutral = to_camera @ white
+    matrix = adaptation(white) @ np.linalg.pinv(to_camera) * neutral.max()
+    return CalibratedLight(illuminant, as_rows(matrix), tuple((neutral / neutral.max()).tolist()))
+
+
+LIGHTS: Lights = (light("A", WARM), light("D65", COLD))
+CAMERA = SensorCalibration.of_bits(12, lights=LIGHTS)
+PATTERN = CfaPattern.bayer(6)
+
+
+def by_the_book(matrices: tuple[DoubleArray, DoubleArray], kelvins: tuple[float, float], neutral: Any) -> tuple[Any, DoubleArray]:
+    """x, y of the white, and the matrix to XYZ (D50): the iteration of the specification, with Robertson's temperatures."""
+    colour = colour_science()
+    white, matrix = np.array([1 / 3, 1 / 3]), np.eye(3)
+    for _ in range(100):
+        kelvin = np.clip(colour.temperature.uv_to_CCT_Robertson1968(colour.UCS_to_uv(colour.XYZ_to_UCS(xyz(*white))))[0], *kelvins)
+        share = (1 / kelvin - 1 / kelvins[1]) / (1 / kelvins[0] - 1 / kelvins[1])
+        matrix = np.linalg.inv(share * matrices[0] + (1 - share) * matrices[1])
+        seen = matrix @ neutral
+        white = (seen / seen.sum())[:2]
+    return white, adaptation(xyz(*white)) @ matrix
+
+
+@pytest.mark.filterwarnings("ignore")  # of colour-science: spectra are adjusted to its tables
+def test_illuminants_are_those_of_the_cie() -> None:
+    colour = colour_science()
+    for kelvin in range(2000, 10001, 500):
+        x, y = illuminant_xy(str(kelvin))
+        if kelvin >= 5000:
+            found = colour.CCT_to_xy(kelvin, method="CIE Illuminant D Series")
+        else:
+            black_body = colour.sd_blackbody(kelvin, colour.SpectralShape(360, 830, 1))
+            found = colour.XYZ_to_xy(colour.sd_to_XYZ(black_body, method="Integration"))
+        assert (x, y) == pytest.approx(tuple(found), abs=4e-4)  # Krystek's error
+        assert temperature((x, y)) == pytest.approx(kelvin, rel=0.013)
+    assert temperature((0.7, 0.29)) == pytest.approx(1620, abs=10)  # red
+    assert temperature((0.2, 0.1)) > 20000  # blue
+    for name, chromaticity in ILLUMINANTS.items():
+        assert chromaticity == pytest.approx(colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][name], abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["B", "", "nan", "inf", "-4000", "1999", "10001", "4000 lux", 4000, None])
+def test_other_lights_are_refused(name: Any) -> None:
+    with pytest.raises(InputError, match=r"expected A, D50, D55, D65, D75, or 2000 to 10000 kelvin"):
+        illuminant_xy(name)
+
+
+@pytest.mark.parametrize("neutral", [SHOT, (0.9, 1.0, 0.35), (0.55, 1.0, 0.5), (0.35, 1.0, 0.8)])
+def test_a_light_between_is_what_the_specification_says(neutral: tuple[float, ...]) -> None:
+    example, _ = by_the_book((WARM, COLD), (2850, 6500), SHOT)
+    assert example == pytest.approx(WHITE, abs=1e-6)
+    kelvins = temperature(ILLUMINANTS["A"]), temperature(ILLUMINANTS["D65"])
+    _, expected = by_the_book((LIGHTS[0].xyz_to_camera, LIGHTS[1].xyz_to_camera), kelvins, neutral)
+    found = np.array(colours_under(LIGHTS, neutral))
+    expected *= found.max() / expected.max()
+    np.testing.assert_allclose(found, expected, atol=ROBERTSON * found.max())
+
+
+@pytest.mark.parametrize("planes", [3, 4])
+def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: int) -> None:
+    mixed = np.vstack([np.eye(3), [[0.4, 0.5, 0.1]]])[:planes]
+    lights: Lights = (light("3000", mixed @ WARM), light("6500", mixed @ COLD))
+    for each in lights:
+        np.testing.assert_allclose(colours_under(lights, each.neutral), each.camera_to_xyz, atol=1e-6)
+    for neutral in 10.0 ** np.random.default_rng(0).uniform(-3, 3, (50, planes)):
+        found = np.array(colours_under(lights, tuple(neutral)))  # most of these are no colour of light
+        np.testing.assert_allclose(found @ neutral / neutral.max(), D50, rtol=1e-6)
+    np.testing.assert_allclose(np.array(colours_under(lights, None)) @ (mixed @ COLD @ D50), D50, rtol=0.3)
+
+
+def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
+    for neutral in (LIGHTS[0].neutral, SHOT):
+        expected = colours_under(LIGHTS, neutral)
+        assert replace(CAMERA, neutral=neutral).camera_to_xyz == expected
+        scaled = balanced(CAMERA, 3 * np.array(neutral)).camera_to_xyz
+        np.testing.assert_allclose(np.array(scaled), np.array(expected), rtol=1e-9)
+    shot = Mosaic(np.full((12, 12), 900, np.uint16), PATTERN, SensorCalibration.of_bits(12, neutral=SHOT, neutral_estimated=True))
+    known = Camera(CAMERA, PATTERN).calibrated(shot).calibration
+    assert (known.neutral, known.neutral_estimated, known.lights) == (SHOT, True, LIGHTS)
+    assert known.camera_to_xyz == colours_under(LIGHTS, SHOT)
+
+
+def test_a_stream_of_such_a_camera_is_balanced_by_its_frames() -> None:
+    grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)).repeat(6, 0).repeat(6, 1)
+    seen = grey * np.array([0.5, 1.0, 0.6, 2.1])  # the channels, and their sum
+    samples = np.take_along_axis(seen, PATTERN.filter_map((240, 240))[..., None].astype(np.intp), 2)[..., 0].astype(np.float32)
+    found = SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)).calibration
+    assert found.neutral == pytest.approx((0.5, 1.0, 0.6), abs=1e-3)
+    assert found.camera_to_xyz == colours_under(LIGHTS, found.neutral)
+
+
+def test_json_and_back() -> None:
+    document = replace(CAMERA, neutral=SHOT).to_json()
+    assert "camera_to_xyz" not in document
+    assert "lights" not in SensorCalibration().to_json()
+    assert SensorCalibration.from_json(document) == replace(CAMERA, neutral=SHOT)
+    assert replace(CAMERA, lights=LIGHTS[::-1]) == CAMERA
+    one, other = document["lights"]
+    wrong: tuple[tuple[Any, str], ...] = (
+        ([one], "two lights"),
+        ([one, one], "A and A are alike"),
+        ([one, {**one, "illuminant": "3000"}], "A and 3000 are alike"),
+        ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
+        ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
+        ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
+        ([one, {**other, "camera_to_xyz": [[0, 0, 0]] * 3}], "camera_to_xyz"),
+        ([one, {"illuminant": "D65"}], "list of objects with"),
+        (7, "list of objects with"),
+    )
+    for lights, why in wrong:
+        with pytest.raises(InputError, match=why):
+            SensorCalibration.from_json({**document, "lights": lights})
+    with pytest.raises(InputError, match="leave one of them out"):
+        SensorCalibration.from_json({**document, "camera_to_xyz": one["camera_to_xyz"]})
+    with pytest.raises(InputError, match="other channels than CMYK"):
+        SensorCalibration(channels="CMYK", lights=LIGHTS)

@@ -1,0 +1,161 @@
+"""A camera calibrated under two lights, with measured sensitivities: colours under a third light, and what is refused."""
+
+import shutil
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+import rawpy
+from tifffile import TiffFile
+
+from shared import SensorCalibration, read_camera, read_dng
+from shared.arrays import DoubleArray
+from shared.colorimetry import encode_srgb, xyz_to_lab
+from shared.colour_difference import delta_e_2000
+from shared.white_balance import balanced
+from tests.sensitivities import CAMERAS, readings
+from tests.tools.calibration.known_camera import frame, save, true_place
+from tests.tools.command import run
+from tools.calibration.colour_matrix import GREYS, fit_colour
+from tools.commands.calibrate import color_checker_xyz
+
+REFERENCE = color_checker_xyz()
+CELLS = true_place().cells
+THIRD = "3200", "4000", "5000"
+BAR = 1.3  # mean dE2000 under a third light, over that of a matrix fitted there
+LOST = 2.0  # the same with one of the two lights alone, somewhere
+LEVELS = 2.0  # of 255: between our own picture and that of a raw developer
+EXPOSED = 0.9
+
+
+def chart(camera: str, light: str) -> DoubleArray:
+    """A picture of the chart, (400, 600, 3), scene units, as the camera reads it."""
+    patches = EXPOSED * readings(camera, light)
+    picture = np.tile(0.8 * patches[-1], (400, 600, 1))
+    for index, patch in enumerate(patches):
+        top, left = 20 + index // 6 * 90, 40 + index % 6 * 88
+        picture[top : top + 76, left : left + 74] = patch
+    return picture
+
+
+@pytest.fixture(scope="module", params=CAMERAS)
+def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """A camera, and the folder of its charts under A and D65 and of what `calibrate` makes of them."""
+    folder = tmp_path_factory.mktemp("lights")
+    for light in ("A", "D65"):
+        save(folder / f"{light}.dng", frame(chart(request.param, light)))
+    lights = [word for light in ("A", "D65") for word in ("--chart-light", light.lower(), str(folder / f"{light}.dng"))]
+    outcome = run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder)
+    assert outcome.code == 0, outcome.err
+    return request.param, folder
+
+
+def mean_error(calibration: SensorCalibration, read: DoubleArray) -> float:
+    """Mean dE2000 of the patches, balanced on the greys."""
+    white = (read[list(GREYS)] / REFERENCE[list(GREYS), 1:2]).mean(axis=0)
+    matrix = np.array(balanced(calibration, white).camera_to_xyz)
+    return float(delta_e_2000(xyz_to_lab(read / white.max() @ matrix.T), xyz_to_lab(REFERENCE)).mean())
+
+
+def test_a_third_light_has_nearly_the_colours_of_a_matrix_fitted_there(bench: tuple[str, Path]) -> None:
+    camera, folder = bench
+    two = read_camera(folder / "camera.json").calibration
+    assert two.lights is not None
+    assert two.neutral is None
+    alone = [replace(two, lights=None, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral) for each in two.lights]
+    lost = []
+    for light in THIRD:
+        read = readings(camera, light)
+        fitted = float(fit_colour(read, REFERENCE, CELLS, thorough=False).plain.mean())
+        assert mean_error(two, read) < BAR * fitted, light
+        lost += [mean_error(one, read) / fitted for one in alone]
+    assert max(lost) > LOST
+
+
+def test_it_is_shown_and_a_shot_states_both_matrices(bench: tuple[str, Path], tmp_path: Path) -> None:
+    camera, folder = bench
+    lines = run("inspect", folder / "camera.json").out.splitlines()
+    under = {line.split()[0]: line for line in lines if "; white " in line}
+    assert list(under) == ["A", "D65"]
+    assert "Colour under A" in (folder / "report.html").read_text("utf-8")
+    assert not (folder / "chart.ti3").exists()  # a profile is for one light
+    known = read_camera(folder / "camera.json")
+    mosaic = known.calibrated(frame(chart(camera, "4000")))
+    shot = save(tmp_path / "shot.dng", mosaic)
+    assert read_dng(shot).calibration.lights == known.calibration.lights
+    with TiffFile(shot) as file:
+        tags = file.pages.first.tags
+        assert (tags[50778].value, tags[50779].value) == (17, 21)
+        for number, light in zip((50721, 50722), known.calibration.lights or (), strict=True):
+            over, under_line = np.array(tags[number].value, float).reshape(-1, 2).T
+            planes = (over / under_line).reshape(4, 3)
+            expected = light.xyz_to_camera
+            np.testing.assert_allclose(planes[:3] / planes[0, 0], expected / expected[0, 0], atol=1e-4)
+            np.testing.assert_allclose(planes[3], known.calibration.gamma @ planes[:3], atol=1e-5)
+    pairs = zip(known.calibration.lights or (), ("2900", "6400"), strict=True)
+    warm, cold = (replace(each, illuminant=name) for each, name in pairs)
+    kelvin = save(tmp_path / "kelvin.dng", replace(mosaic, calibration=replace(mosaic.calibration, lights=(warm, cold))))
+    with TiffFile(kelvin) as file:
+        tags = file.pages.first.tags
+        assert (tags[50778].value, tags[50779].value) == (255, 255)
+        for number, each in zip((52533, 52534), (warm, cold), strict=True):
+            kind, *fractions = struct.unpack("<H4I", tags[number].value)
+            x, y = np.array(fractions[::2]) / fractions[1::2]
+            assert (kind, x, y) == pytest.approx((0, *each.white), abs=1e-6)
+
+
+def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(bench: tuple[str, Path], tmp_path: Path) -> None:
+    """LibRaw takes the matrix for the light nearest to daylight, whatever the shot's; so the file states the one of the shot."""
+    camera, folder = bench
+    shot = save(tmp_path / "shot.dng", frame(chart(camera, "4000")))
+    white = 1 / readings(camera, "4000")[list(GREYS)].mean(axis=0)
+    balance = ",".join(map(str, white / white.min()))
+    words: list[str | Path] = ["--camera", folder / "camera.json", "--wb", balance, "--preset", "paper"]
+    for kind in ("png", "dng"):
+        assert run("render", shot, "-o", tmp_path / kind, "-f", kind, *words).code == 0
+    with rawpy.imread(str(tmp_path / "dng" / "shot.dng")) as raw:
+        theirs = raw.postprocess(gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16)
+    ours = imagecodecs.png_decode((tmp_path / "png" / "shot.png").read_bytes())
+    difference = np.abs(255 * encode_srgb((theirs / 65535).astype(np.float32)) - ours)
+    assert difference.mean() < LEVELS / 4
+    assert np.percentile(difference, 99.9) < LEVELS  # the rest is noise beyond what a file can hold
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--chart-light", "A", "a.dng"], "given once for each of two lights"),
+        (["--chart-light", "A", "a.dng", "--chart-light", "D65"], "--chart-light D65: name the shots"),
+        (["--chart-light", "A", "a.dng", "--chart-light", "A", "b.dng"], "A and A are alike"),
+        (["--chart-light", "D65", "a.dng", "--chart-light", "6400K", "b.dng"], "D65 and 6400 are alike"),
+        (["--chart-light", "A", "a.dng", "--chart-light", "F2", "b.dng"], "the light is 'F2', expected A"),
+        (["--chart-light", "A", "a.dng", "--chart-light", "1500", "b.dng"], "2000 to 10000 kelvin"),
+        (["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"], "c.dng: shows a chart under neither light"),
+        (["--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng", "--no-chart"], "without --no-chart"),
+    ],
+)
+def test_what_are_no_two_lights_is_refused_before_the_work(tmp_path: Path, words: list[str], why: str) -> None:
+    outcome = run("calibrate", *words, "-o", tmp_path / "camera.json")
+    assert (outcome.code, why in outcome.err) == (2, True), outcome.err
+
+
+@pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
+def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(bench: tuple[str, Path], tmp_path: Path) -> None:
+    _, folder = bench
+    grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
+    output = tmp_path / "camera.json"
+    outcome = run("calibrate", "--chart-light", "A", folder / "A.dng", "--chart-light", "D65", grey, "-o", output)
+    assert (outcome.code, output.exists()) == (1, False)
+    assert "no chart without clipped patches was found under the light D65; no camera file was written" in outcome.err
+
+
+@pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
+def test_a_chart_under_one_light_takes_the_place_of_two(bench: tuple[str, Path], tmp_path: Path) -> None:
+    _, folder = bench
+    output = Path(shutil.copy(folder / "camera.json", tmp_path))
+    assert run("calibrate", folder / "A.dng", "-o", output, "--update").code == 0
+    assert read_camera(output).calibration.lights is None
+    assert read_camera(output).calibration.neutral is not None
