@@ -87,10 +87,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     sites = tuple(arguments.sites.split("/")) if arguments.sites else ()
     limits = Limits(arguments.channels, tuple(sorted(set(arguments.sizes))), arguments.share[0], arguments.share[1], sites)
     lights = _lights(arguments)
+    judge = FastJudge.of(limits.letters, lights)
+    if arguments.photographs and judge.unmeasured:
+        raise InputError(f"no render fills in the channel that --channels {judge.letters} leaves out; leave --photographs out, too")
     folder = output_folder(arguments.output)
     if not arguments.overwrite:
         refuse_existing([folder / _PAGE])
-    judge = FastJudge.of(limits.letters, lights)
     known = repr((judge.letters, [(light.shot, light.read) for light in lights], judge.spectra.encode()))
     judged = Judged(judge, hashlib.sha256(known.encode()).hexdigest()[:16], folder / _STATE)
     search = Search(judged, limits, weights, arguments.steps, arguments.seed)

@@ -114,6 +114,11 @@ class FastJudge:
         passed = [[float(each in BROADBAND.get(letter, letter)) for each in channels] for letter in self.letters]
         return np.array([*passed, [1.0] * len(channels)])
 
+    @property
+    def unmeasured(self) -> bool:
+        """Whether some channel has no filter, and only the panchromatic pixels tell it: no render takes such tiles."""
+        return bool(np.linalg.matrix_rank(self.filters[:-1]) < self.filters.shape[1])
+
     def light(self, tile: Sequence[str]) -> float:
         """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
         planes, count = self._planes(tile), self.filters.shape[1]

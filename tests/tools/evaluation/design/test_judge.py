@@ -55,6 +55,7 @@ def by_matrix(tile: tuple[str, ...], passed: dict[str, str], channels: str, ligh
 def test_the_fast_judge_is_exact_on_a_torus(letters: str, tile: tuple[str, ...], channels: str, side: int) -> None:
     judge = FastJudge(letters, LIGHTS, shipped(), side)
     passed = {letter: BROADBAND.get(letter, letter) for letter in letters} | {"W": channels}
+    assert judge.unmeasured == (letters == "RB")
     for figures, light in zip(judge(tile), LIGHTS, strict=True):
         np.testing.assert_allclose(figures, by_matrix(tile, passed, channels, light, shipped(), side), atol=1e-6)
 
