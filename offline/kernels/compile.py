@@ -228,9 +228,9 @@ def parallel_kernel(
     return decorate
 
 
-def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
-    """Turn a code generator into a function that kernels can call. literal: it needs the values of constant arguments."""
-    return _intrinsic(prefer_literal=literal)(function)
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Turn a code generator into a function that kernels can call."""
+    return _intrinsic(prefer_literal=False)(function)
 
 
 def kernel_cache() -> Path:

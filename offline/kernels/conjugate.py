@@ -13,7 +13,7 @@ from shared.arrays import DoubleArray, FloatArray
 
 from .compile import kernel
 from .functions import zeros
-from .lanes import WIDTH, Lanes, Scalar, load, shifted, store, total
+from .lanes import WIDTH, Lanes, Scalar, load, store, total
 
 SOLVED = 3
 """Fields that are solved; the fourth is one minus their sum."""
@@ -21,7 +21,6 @@ MARGIN = WIDTH
 """Columns of a region's planes left of its first column; as many and up to one vector more follow its last."""
 RESIDUAL, DIRECTION, APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED
 """Planes of the unknowns, after the solutions."""
-_LAST = WIDTH - 1
 _NONE = np.float32(0)
 
 
@@ -122,35 +121,24 @@ def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns
 def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
     """Apply the matrix to the directions of one row, and add its other three products to `parts`."""
     for field in range(SOLVED):
+        plane = DIRECTION + field
         curvature, applied, mixed = load(parts, (field, 1, 0)), load(parts, (field, 2, 0)), load(parts, (field, 3, 0))
-        start = MARGIN - WIDTH
-        a0, b0, c0 = _three(planes, field, row, start)
-        a1, b1, c1 = _three(planes, field, row, start + WIDTH)
         for column in range(MARGIN, MARGIN + columns, WIDTH):
-            a2, b2, c2 = _three(planes, field, row, column + WIDTH)
-            right, below_right, above_right = shifted(b1, b2, 1), shifted(c1, c2, 1), shifted(a1, a2, 1)
-            left, below_left, above_left = shifted(b0, b1, _LAST), shifted(c0, c1, _LAST), shifted(a0, a1, _LAST)
-            near = right, left, c1, a1, below_right, above_left, below_left, above_right
-            product = b1 - around(weights, row, column, near)
+            direction = load(planes, (plane, row, column))
+            near = (  # not moved from lane to lane: on AVX2 that takes longer than reading them again
+                load(planes, (plane, row, column + 1)), load(planes, (plane, row, column - 1)),
+                load(planes, (plane, row + 1, column)), load(planes, (plane, row - 1, column)),
+                load(planes, (plane, row + 1, column + 1)), load(planes, (plane, row - 1, column - 1)),
+                load(planes, (plane, row + 1, column - 1)), load(planes, (plane, row - 1, column + 1)),
+            )  # fmt: skip
+            product = direction - around(weights, row, column, near)
             store(planes, (APPLIED + field, row, column), product)
-            curvature += b1 * product
+            curvature += direction * product
             applied += product * product
             mixed += load(planes, (RESIDUAL + field, row, column)) * product
-            a0, b0, c0 = a1, b1, c1
-            a1, b1, c1 = a2, b2, c2
         store(parts, (field, 1, 0), curvature)
         store(parts, (field, 2, 0), applied)
         store(parts, (field, 3, 0), mixed)
-
-
-@kernel
-def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes, Lanes, Lanes]:
-    """The directions at a pixel's column in the row above, its own row and the row below."""
-    return (
-        load(planes, (DIRECTION + field, row - 1, column)),
-        load(planes, (DIRECTION + field, row, column)),
-        load(planes, (DIRECTION + field, row + 1, column)),
-    )
 
 
 @kernel

@@ -13,15 +13,15 @@ from shared.arrays import FloatArray
 
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import scaled_reciprocal_root, zeros
-from .lanes import WIDTH, Lanes, lesser, load, store
+from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, store, total, where_less
 
 REACH = 4
 """Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
 CHUNK = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
 _BANDS = 3  # as in `shrinkage`
-_ONE = np.float32(1)
-_NONE = np.float32(0)
+_NONE, _ONE = np.float32(0), np.float32(1)
+_NINE = np.float32(9.001)  # coefficients of a neighbourhood; more than rounding can hide
 
 
 @parallel_kernel(
@@ -131,6 +131,7 @@ def _iterate(
 ) -> None:
     """Run Eqs. 3-5 on the `values` of the holes, one iteration per threshold; `before`: what they were before the last one."""
     rows, columns, last = energy.shape[1] - 2, energy.shape[2] - 2, response.shape[1] - 1
+    whole = True  # whether shrinkage removes everything, as it does while the threshold is large
     for threshold in thresholds:
         for hole in range(len(values)):
             store(before, (hole, 0), load(values, (hole, 0)))
@@ -151,27 +152,10 @@ def _iterate(
                     store(removed, (place, 0), coefficient)
                     store(energy, (band, row + 1, column + 1, 0), coefficient * coefficient)
                     place += 1
-        h0, h1, h2, h3 = _four(values, 0)
-        place = 0
-        for band in range(_BANDS):
-            for row in range(rows):
-                left, middle = _down(energy, band, row, 0), _down(energy, band, row, 1)
-                for column in range(columns):
-                    right = _down(energy, band, row, column + 2)
-                    # Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood), at most everything.
-                    part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
-                    gone = load(removed, (place, 0)) * part
-                    store(removed, (place, 0), gone)
-                    c = response[place, 0]
-                    h0 -= c[0] * gone
-                    h1 -= c[1] * gone
-                    h2 -= c[2] * gone
-                    h3 -= c[3] * gone
-                    left, middle = middle, right
-                    place += 1
-        for hole, value in enumerate((h0, h1, h2, h3)):
-            store(values, (hole, 0), value)
-        for chunk in range(1, last + 1):
+        whole = whole and _removes_all(energy, threshold)
+        if not whole:
+            _shrink(energy, threshold, removed)
+        for chunk in range(last + 1):
             h0, h1, h2, h3 = _four(values, CHUNK * chunk)
             for place in range(len(fixed)):
                 c = response[place, chunk]
@@ -182,6 +166,33 @@ def _iterate(
                 h3 -= c[3] * gone
             for hole, value in enumerate((h0, h1, h2, h3)):
                 store(values, (CHUNK * chunk + hole, 0), value)
+
+
+@kernel
+def _shrink(energy: FloatArray, threshold: Scalar, removed: FloatArray) -> None:
+    """Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood) of a coefficient, at most everything."""
+    place = 0
+    for band in range(_BANDS):
+        for row in range(energy.shape[1] - 2):
+            left, middle = _down(energy, band, row, 0), _down(energy, band, row, 1)
+            for column in range(energy.shape[2] - 2):
+                right = _down(energy, band, row, column + 2)
+                part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
+                store(removed, (place, 0), load(removed, (place, 0)) * part)
+                left, middle = middle, right
+                place += 1
+
+
+@kernel
+def _removes_all(energy: FloatArray, threshold: Scalar) -> bool:
+    """Whether no neighbourhood of nine coefficients can have a norm above the threshold, in any lane."""
+    most = load(energy, (0, 0, 0, 0))
+    for band in range(_BANDS):
+        for row in range(energy.shape[1]):
+            for column in range(energy.shape[2]):
+                most = greater(most, load(energy, (band, row, column, 0)))
+    removed: bool = total(where_less(most * _NINE, threshold * threshold, _NONE, _ONE)) == _NONE
+    return removed
 
 
 @kernel

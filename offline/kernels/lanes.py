@@ -178,17 +178,6 @@ def _where_less(typing: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     return _kind(a, b, then, otherwise)(a, b, then, otherwise), generate  # type: ignore[misc]
 
 
-def _shifted(typing: Any, first: Any, second: Any, count: Any) -> Any:
-    if not isinstance(count, types.IntegerLiteral):
-        raise TypeError(f"a shift by {count}, which is not a constant")
-    places = [(count.literal_value + lane) % (2 * first.count) for lane in range(first.count)]
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.shuffle_vector(args[0], args[1], ir.Constant(ir.VectorType(ir.IntType(32), first.count), places))
-
-    return first(first, second, count), generate
-
-
 def _total(typing: Any, lanes: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         parts = [builder.extract_element(args[0], ir.Constant(ir.IntType(32), lane)) for lane in range(lanes.count)]
@@ -243,8 +232,6 @@ lesser: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_pick("<
 greater: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_pick(">"))
 where_less: "Callable[[Lanes | Scalar, Lanes | Scalar, Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_where_less)
 """(a, b, yes, no): yes where a < b, no elsewhere."""
-shifted: "Callable[[Lanes, Lanes, int], Lanes]" = intrinsic(_shifted, literal=True)
-"""(first, second, count): WIDTH lanes of `first` followed by `second`, starting at lane `count`, a constant."""
 total: "Callable[[Lanes], Any]" = intrinsic(_total)
 """The sum of the lanes, always in the same order."""
 quotient: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_quotient)

@@ -10,8 +10,7 @@ from .lanes import WIDTH, Lanes, Scalar, load, quotient, store
 
 SLACK = WIDTH
 """Columns after the border, so that the last vector stays inside the array."""
-TOGETHER = 4
-"""Statistics that are summed together; their number is a multiple of this."""
+_TOGETHER = 2  # statistics that are summed together: the sums of more, for a pair of rows, do not fit in the registers of AVX2
 CHANNELS = 3
 """Chromaticities that are compared together; their number is a multiple of this."""
 _PAIR = 2  # rows that are computed together: what is read for one serves the other
@@ -29,8 +28,7 @@ def pool(
     The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
     (sum of both variance planes) + light * (difference of log luminance)**2).
 
-    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame. S is a multiple
-        of `TOGETHER`.
+    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame. S is even.
     features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance. C is
         a multiple of `CHANNELS`.
     radius: radius of the window, blocks.
@@ -108,18 +106,12 @@ def _weight(
 @kernel
 def _sum(sums: FloatArray, weights: FloatArray, y: int, column: int, total: FloatArray) -> None:
     """Add the weighted statistics of a row of the window to the totals of a pair of rows."""
-    for plane in range(0, len(sums), TOGETHER):
+    for plane in range(0, len(sums), _TOGETHER):
         t = _PAIR * plane
-        a, b, c, d = load(total, (t, 0)), load(total, (t + 2, 0)), load(total, (t + 4, 0)), load(total, (t + 6, 0))
-        e, f, g, h = load(total, (t + 1, 0)), load(total, (t + 3, 0)), load(total, (t + 5, 0)), load(total, (t + 7, 0))
+        a, b, c, d = load(total, (t, 0)), load(total, (t + 1, 0)), load(total, (t + 2, 0)), load(total, (t + 3, 0))
         for across in range(weights.shape[1]):
-            x = column + across
+            first, second = load(sums, (plane, y, column + across)), load(sums, (plane + 1, y, column + across))
             upper, lower = load(weights, (0, across, 0)), load(weights, (1, across, 0))
-            s0, s1, s2, s3 = (
-                load(sums, (plane, y, x)), load(sums, (plane + 1, y, x)),
-                load(sums, (plane + 2, y, x)), load(sums, (plane + 3, y, x)),
-            )  # fmt: skip
-            a, b, c, d = a + upper * s0, b + upper * s1, c + upper * s2, d + upper * s3
-            e, f, g, h = e + lower * s0, f + lower * s1, g + lower * s2, h + lower * s3
-        for place, value in enumerate((a, e, b, f, c, g, d, h)):
+            a, b, c, d = a + upper * first, b + lower * first, c + upper * second, d + lower * second
+        for place, value in enumerate((a, b, c, d)):
             store(total, (t + place, 0), value)

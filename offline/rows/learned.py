@@ -31,7 +31,6 @@ from ..parts import Look, Part, RowStage
 REACH = "panchroma.reach"
 """The metadata of a file that says how many cells around a cell the network sees."""
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
-_SPLITS = 1, 2, 4  # parts of a tile's side, each with a box of its own, or none; chosen: these are cheap to find
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
@@ -182,23 +181,36 @@ class Learned(RowStage):
 def boxes(wanted: BoolArray, reach: int) -> list[tuple[int, int, int, int]]:
     """Cover what is wanted of a tile by boxes (first row and column, rows, columns) that together cost little to compute.
 
+    The smallest box around it is cut in two where that saves most, and so are the parts.
     reach: cells around a box that are computed for its sake; the layers of a network need half of them on average.
     """
-    ways = []
-    for split in _SPLITS:
-        size = -(-len(wanted) // split)
-        starts = range(0, len(wanted), size)
-        found = [_box(wanted[y : y + size, x : x + size], y, x) for y in starts for x in starts]
-        ways.append([box for box in found if box is not None])
-    return min(ways, key=lambda way: sum((height + reach) * (width + reach) for *_, height, width in way))
-
-
-def _box(wanted: BoolArray, top: int, left: int) -> tuple[int, int, int, int] | None:
-    """The smallest box around what is wanted; None if nothing is. top, left: place of the first cell."""
     down, across = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
     if not down.size:
-        return None
-    return top + int(down[0]), left + int(across[0]), int(down[-1] - down[0]) + 1, int(across[-1] - across[0]) + 1
+        return []
+    top, left, height, width = int(down[0]), int(across[0]), int(down[-1] - down[0]) + 1, int(across[-1] - across[0]) + 1
+    inside = wanted[top : top + height, left : left + width]
+    (by_rows, row), (by_columns, column) = _best_cut(inside, reach), _best_cut(inside.T, reach)
+    if min(by_rows, by_columns) >= (height + reach) * (width + reach):
+        return [(top, left, height, width)]
+    row, column = (row, 0) if by_rows <= by_columns else (0, column)
+    first = boxes(inside[:row] if row else inside[:, :column], reach)
+    second = boxes(inside[row:, column:], reach)
+    moved = [(y + row, x + column, *size) for y, x, *size in second]
+    return [(top + y, left + x, height, width) for y, x, height, width in (*first, *moved)]
+
+
+def _best_cut(wanted: BoolArray, reach: int) -> tuple[float, int]:
+    """The least cost of two boxes around what is wanted in the rows above a cut and below it, and the first row below it."""
+    rows = np.flatnonzero(wanted.any(axis=1))
+    if rows.size < 2:
+        return np.inf, 0
+    first, end = wanted[rows].argmax(axis=1), wanted.shape[1] - wanted[rows, ::-1].argmax(axis=1)
+    costs = np.zeros(rows.size - 1)
+    for side, to in ((slice(None), rows[:-1] - rows[0]), (slice(None, None, -1), rows[-1] - rows[:0:-1])):
+        width = np.maximum.accumulate(end[side]) - np.minimum.accumulate(first[side])
+        costs += ((to + 1 + reach) * (width[:-1] + reach))[side]
+    best = int(costs.argmin())
+    return float(costs[best]), int(rows[best + 1])
 
 
 class Inputs:

@@ -19,7 +19,7 @@ from ..kernels.denoising import denoise
 from ..kernels.similar import SURROUNDINGS, average_similar
 from ..settings import DenoisingSettings
 
-_PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels between two reports of progress, and the least number of rows
+_PIECE, _LEAST_ROWS = 1 << 21, 256  # pixels between two reports of progress, and the least number of rows
 
 
 def denoise_luminance(

@@ -17,7 +17,7 @@ from shared.progress import SILENT, Progress
 from ..blocks import BlockSums, curvature
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
-from ..kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
+from ..kernels.pooling import CHANNELS, SLACK, pool
 from ..kernels.sites import FAINTEST, STRONGEST
 from ..settings import PoolingSettings
 
@@ -62,7 +62,6 @@ def pool_blocks(
         sums[channels:] += others.product.transpose(2, 0, 1) / variances
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     expected = _solved(smoothed(sums, _EXPECTED), gamma)
-    sums = np.pad(sums, ((0, -len(sums) % TOGETHER), (0, 0), (0, 0)))
     brightness = np.log(light.clip(_LEAST_LIGHT * frame.level))
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
@@ -72,7 +71,7 @@ def pool_blocks(
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
-        chromaticity = _solved(pooled[: 2 * channels, :, :columns], gamma, 1 / (_APART * frame.mosaic.calibration.grey), expected)
+        chromaticity = _solved(pooled[:, :, :columns], gamma, 1 / (_APART * frame.mosaic.calibration.grey), expected)
         progress.advance()
     return sites.grid.extend(chromaticity.transpose(1, 2, 0))
 
