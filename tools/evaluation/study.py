@@ -133,7 +133,7 @@ class Study:
     def result(self, method: Method, level: Protocol, tile: Tile | None, **scene: Any) -> str:
         """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
         return key(
-            protocol=[level.name, level.version],
+            protocol=level.identity,
             level=level.level,
             seed=self.seed if level.noisy else 0,  # without noise any seed is the same
             pattern=asdict(tile.pattern) if tile else None,

@@ -121,6 +121,11 @@ class Protocol(ABC):
         """There may be so little noise at this level that methods made for clean pictures are at their best."""
         return True
 
+    @property
+    def identity(self) -> list[str | float]:
+        """What tells its shots apart from others at the same level, as JSON values."""
+        return [self.name, self.version]
+
     def scaled(self, unit: float) -> "Protocol":
         """The same noise for a sensor with other filters. unit: its scene units that are one of red, green and blue filters'."""
         return self

@@ -48,6 +48,11 @@ class ReadNoise(SensorProtocol):
 
     electrons: float = USUAL_READ
 
+    @property
+    def identity(self) -> list[str | float]:
+        """See `Protocol.identity`."""
+        return [*super().identity, self.electrons]
+
     def expose(self, light: SensorLight, rng: np.random.Generator) -> Mosaic:
         """As the protocol sensor. Arguments: see `Protocol.expose`."""
         shot = light.calibration.noise.shot if light.calibration.noise else ()

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from shared.arrays import DoubleArray
 from shared.errors import InputError
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.design.judge import FastJudge, Figures, Light
 from tools.evaluation.design.spectra import SHARES, Spectra, basis, shipped
-from tools.scenes.scene import BROADBAND
+from tools.scenes.scene import BROADBAND, Scene
 
 LIGHTS = (Light.of_sigma(0.02), Light.of_photons(2000, 5))
 
@@ -79,6 +81,18 @@ def test_more_light_and_more_samples_tell_more() -> None:
     sparse = np.array(judge(("RGWWWW", "GBWWWW", *["WWWWWW"] * 4)))
     assert (sparse[:, 0] > figures[:, 0]).all()
     assert (sparse[:, 1:3] < figures[:, 1:3]).all()
+
+
+def test_photographs_have_the_noise_that_the_fast_judge_expects() -> None:
+    """Of a grey scene, in panchromatic samples; whatever the read noise is."""
+    scene, seen = Scene(np.full((300, 300, 3), 0.4, np.float32), "grey"), []
+    pattern = CfaPattern.bayer(6)
+    for light in (Light.of_sigma(0.02), Light.of_photons(2000), Light.of_photons(2000, 20)):
+        shot = SimulatedCamera.of(pattern, protocol=light.protocol, bits=16).shoot(scene, np.random.default_rng(0)).mosaic
+        samples = shot.signal[pattern.panchromatic_mask(shot.shape)] / light.protocol.light
+        assert samples.var() == pytest.approx(light.shot * 1.2 + light.read**2, rel=0.03)
+        seen.append(str(light.protocol.identity))
+    assert len(set(seen)) == 3
 
 
 def test_white_noise_has_power_one() -> None:
