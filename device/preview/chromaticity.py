@@ -18,18 +18,20 @@ _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
 _POOLING = 3e-4
 """Squared ratio of error to signal of a block at which half of its chromaticity comes from the blocks around it."""
-_MISREAD = 1e-3
+_MISREAD = 7e-4
 """The change of luminance around a block times this is the variance of what the block misreads, in addition to noise."""
 _ALIKE = 0.15
 """Squared relative difference of colour at which the weight of a block in the pooling of another is a quarter."""
 _ALIKE_NOISE = 24.0
 """Multiple of the noise variance that a squared difference of colour must exceed to count in pooling."""
-_ALIKE_STROKES = 0.1
+_ALIKE_STROKES = 0.13
 """Multiple of the change of luminance around a block, beyond its noise, that likewise has to be exceeded."""
-_STROKES = 10.0
+_STROKES = 12.0
 """Squared relative change of luminance around a block times this, plus 1, is what its colour counts less by in that of others."""
 _CONTRAST = 0.1
 """Squared relative difference of luminance at which the weight of a block is halved."""
+_CONTRAST_STROKES = 0.5
+"""Squared relative change of luminance around a block times this, plus 1, is what that difference is divided by."""
 _NOISE_WEIGHT = 4.0
 """Multiple of the noise variance that a squared relative difference must exceed to count."""
 _SPREAD = 0.5
@@ -42,15 +44,12 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1. Where
     panchromatic samples are saturated, those of the block say how much light there is (Eq. 7): with less, white would be yellow.
     """
-    filled, luminance, *_ = blocks
+    filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
     counts = [channels.count(channel) for channel in range(g.channels)]
     first, last = SATURATED
-    shares = np.array([1 / counts[channel] for channel in channels])[:, None, None]
-    samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
-    known = g.total(samples, len(channels), axis=0)
     above = g("Add", g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)), -first / (last - first))
-    filled = g("Add", filled, g("Mul", g("Relu", g("Sub", known, luminance)), g("Clip", above, 0.0, 1.0)))
+    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", above, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
         if set(counts) == {1}:
@@ -86,7 +85,8 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     The larger the error of a block, by noise and beside edges, the more its colour becomes the mean of the 3 x 5 blocks around it:
     of the blocks above and below, then twice of those on the left and right, each as far as it is alike (a separated bilateral
     filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light. The more luminance changes around
-    a block, the less it is known: it is like others sooner, and counts less. So black print stays grey.
+    a block, the less it is known: it is like others sooner, and counts less, in their colour and in that of pixels (`propagate`). So
+    black print stays grey, and ink shows the colour of the blocks that lie within it.
     """
     variance = g.variance(blocks.luminance)
     light = g("Max", blocks.luminance, g.floor)
@@ -101,10 +101,13 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
-    own, light, power, variance, change = (g.inner(each) for each in (colours, light, power, variance, blocks.change))
+    own, light, power, variance, change, strokes = (
+        g.inner(each) for each in (colours, light, power, variance, blocks.change, strokes)
+    )
     misread = g("Add", variance, g("Mul", change, _MISREAD))
     pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
     limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
+    limit = g("Mul", limit, g("Div", power, g("Add", power, g("Mul", strokes, _CONTRAST_STROKES))))
     return Pooled(g("Div", pooled, g.total(pooled, g.channels, axis=0)), light, limit)
 
 

@@ -14,6 +14,9 @@ _MISSED_NOISE = 2.0
 _CONTRAST_ERROR = 0.5
 """Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
 
+_GAP, _GAP_NOISE = 12.0, 8.0
+"""Weight of the squared gap of a block beside squared differences, and the multiple of the noise variance that it must exceed."""
+
 
 class Probes(NamedTuple):
     """The probes of every block, a tensor (n, blocks) per kind, see `Geometry.probes`.
@@ -38,12 +41,14 @@ class Blocks(NamedTuple):
 
     filled: at its colour sites, (sites, blocks).
     luminance: mean of `filled`, (1, blocks).
-    change: sum of the mean squared differences along rows and along columns, (1, blocks).
+    gap: what its samples add up to beyond that (Eq. 7), (1, blocks).
+    change: sum of the mean squared differences along rows and along columns, and of the gap beyond its noise, (1, blocks).
     contrast: the larger of the two beyond the noise, (1, blocks); "" in a smaller picture, which does not need it.
     """
 
     filled: str
     luminance: str
+    gap: str
     change: str
     contrast: str
 
@@ -69,6 +74,7 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     """Luminance at the colour sites: a weighted mean of the interpolations along rows and along columns.
 
     The weights are the inverse squared differences around the block, so that the direction with less change counts more.
+    Where a stroke runs under a block, its samples do not add up to luminance: that tells more of it than the differences do.
     """
     turn, columns, *steps = probes[:4]
     variance = g.variance(g("Slice", columns, [0], [1], [0]))  # at any site
@@ -81,7 +87,14 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     along_rows = g("Div", column_change, change)
     filled = g("Add", columns, g("Mul", turn, along_rows))
     contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least)) if g.geometry.scale == 1 else ""
-    return Blocks(filled, g.mean(filled, len(g.geometry.readings), axis=0), change, contrast)
+    luminance = g.mean(filled, len(g.geometry.readings), axis=0)
+    channels = [sites[0][2] for sites in g.geometry.readings]
+    shares = np.array([1 / channels.count(channel) for channel in channels])[:, None, None]
+    samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
+    gap = g("Sub", g.total(samples, len(channels), axis=0), luminance)
+    noise = g("Mul", variance, g("Mul", g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0), _GAP_NOISE))
+    apart = g("Mul", g("Relu", g("Sub", g("Mul", gap, gap), noise)), _GAP)
+    return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
 
 
 def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:

@@ -71,10 +71,10 @@ class Block:
         samples = [[float(colours[number]) for number in numbers] for numbers in at]
         # Eq. 7: beside saturated samples those of the block say how much light there is.
         gamma = np.array(mosaic.calibration.gamma)
+        gap = float(gamma @ list(map(np.mean, samples))) - self.luminance
+        self.change += luminance._GAP * max(gap**2 - luminance._GAP_NOISE * gamma @ gamma * self._variance(down[0]), 0)
         first, last = np.array(SATURATED) * mosaic.calibration.full_scale
-        above = min(max((self.luminance - first) / (last - first), 0), 1) * max(
-            float(gamma @ list(map(np.mean, samples))) - self.luminance, 0
-        )
+        above = min(max((self.luminance - first) / (last - first), 0), 1) * max(gap, 0)
         lights = [[float(self.filled[number]) + above for number in numbers] for numbers in at]
         least_variance = chromaticity._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
         sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
@@ -84,6 +84,8 @@ class Block:
         self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
         strokes = max(self.change - 2 * (pattern_graph._STILL + 2 * self.variance), 0)
         self.alike += chromaticity._ALIKE_STROKES * strokes
+        self.limit = chromaticity._CONTRAST * self.light**2 + chromaticity._NOISE_WEIGHT * self.variance
+        self.limit *= self.light**2 / (self.light**2 + chromaticity._CONTRAST_STROKES * strokes)
         self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * strokes)
         self.misread = self.variance + chromaticity._MISREAD * self.change
 
@@ -171,8 +173,7 @@ class Colours:
         for down, right in product((0, 1), repeat=2):
             each = self.block(corner[0] + down, corner[1] + right)
             near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
-            limit = chromaticity._CONTRAST * each.light**2 + chromaticity._NOISE_WEIGHT * each.variance
-            part = near**chromaticity._SPREAD * limit / ((mean - each.light) ** 2 + limit)
+            part = near**chromaticity._SPREAD * each.limit / ((mean - each.light) ** 2 + each.limit)
             total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
         result: DoubleArray = total / weight
         return result
