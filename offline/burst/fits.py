@@ -27,7 +27,7 @@ _LOST, _WON = (
     0.7,
 )  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full (1.8 dB)
 _LEAST = 0.2  # that share of all
-_TINY = 1e-30
+_TINY = 1e-30  # keeps quotients finite
 
 
 class Step(NamedTuple):

@@ -21,7 +21,7 @@ MARGIN = 2
 """Cells around a cell on which its inputs depend."""
 GATE = 1.8
 """Multiple of the noise variance that is taken off the contrast of colour: where noise is mistaken for colour once in a hundred
-cells, it can be seen."""
+cells, it can be seen. Chosen; trained with 1.5."""
 # Share of luminance in activity; bound of the correction in units of the contrast of colour; and bound of the inputs: as the
 # networks were trained with (models/README.md).
 _LUMINANCE, _EVIDENCE, _RANGE = np.float32(0.25), np.float32(4), np.float32(8)

@@ -20,9 +20,9 @@ from .pieces import tiles
 from .smoothing import smooth_rows
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it
-_ITERATIONS = 4
-_FILLED = 0.05  # weight of interpolated light where a frame has colour sites
-_SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced
+_ITERATIONS = 4  # rounds; chosen
+_FILLED = 0.05  # weight of interpolated light where a frame has colour sites; chosen
+_SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced; chosen
 _NARROW, _WIDE = gaussian(0.5), gaussian(2.0)  # places of the grid: what is spread, and where its power is compared with noise
 _NONE, _ONE = np.float32(0), np.float32(1)
 _MOST = 1e6  # relative precision, so that its square is a float: frames 10 stops brighter have less, and one without noise too

@@ -9,7 +9,7 @@ from .functions import zeros
 from .lanes import WIDTH, Scalar, greater, lesser, load, square_root, store
 from .medians import ORIENTATIONS
 
-_NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast
+_NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast; chosen
 _FEWEST = 3  # neighbours that it takes to judge a sample: a corner of the frame has no more
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good; chosen
 _MOST = (2 * _WIDE + 1) ** 2

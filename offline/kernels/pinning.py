@@ -15,9 +15,9 @@ from .linked import Prior, link, solve
 from .spreading import TILE
 
 HALO = 16
-"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond them have no influence."""
+"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
 TOLERANCE = 1e-4
-"""Relative residual at which conjugate gradients stop."""
+"""Relative residual at which conjugate gradients stop. Chosen."""
 _NONE = np.float32(0)
 
 

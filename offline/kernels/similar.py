@@ -15,7 +15,7 @@ from .lanes import WIDTH, Scalar, greater, load, store
 from .pieces import tiles
 
 SURROUNDINGS = 1
-"""Pixels around a pixel that are compared."""
+"""Pixels around a pixel that are compared. Chosen."""
 _ROWS, _COLUMNS = 128, 256  # of a window; chosen for speed
 _NONE, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 _LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise

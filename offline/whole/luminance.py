@@ -19,7 +19,7 @@ LOW: FloatArray = np.array([(1 + _ROOT3) / 8, (3 + _ROOT3) / 8, (3 - _ROOT3) / 8
 HIGH: FloatArray = (LOW[::-1] * [1, -1, 1, -1]).astype(np.float32)
 _TAPS: FloatArray = np.stack([LOW, HIGH])
 
-_AROUND = 1.0  # pixels: standard deviation of the start's means; every scattered site has a panchromatic pixel within its reach
+_AROUND = 1.0  # pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic pixel in reach
 # White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes up to there. At 3.3 its
 # iterations end 4 % short (measured), so that brighter frames start with a larger one.
 _WHITE = 3.0

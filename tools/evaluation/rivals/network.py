@@ -1,6 +1,6 @@
 """Anybody's network for Bayer mosaics: an ONNX file, and beside it a JSON file that says how it is fed.
 
-The README of this evaluation documents the fields. The network is given what its authors trained it for: their order of the
+`Contract` documents the fields. The network is given what its authors trained it for: their order of the
 filters, their packing, their code for light, white balance and the noise. None of its code is needed.
 """
 
@@ -32,7 +32,16 @@ ENDING = ".onnx"
 
 @dataclass(frozen=True)
 class Contract:
-    """How a network is fed; 'inputs' by name, each with 'form', and as it needs them 'sites', 'add', 'noise' and 'crop'."""
+    """How a network is fed: the fields of the JSON file.
+
+    inputs: by name, each with `form`: "quads", a plane for each of `sites`, "sparse", red, green and blue with zeros, or "mosaic";
+        as it needs them `add`, added to each plane, `noise`, whether the last plane is its standard deviation, and `crop`, cut
+        off at each side.
+    order: filters of its first 2 x 2 pixels.
+    balanced: samples are divided by what white reads.
+    gamma, offset: code of light: (x + offset)^(1 / gamma), scaled to 0 to 1.
+    margin: mirrored pixels at each side, even.
+    """
 
     inputs: dict[str, dict[str, Any]]
     order: str = "RGGB"
