@@ -85,8 +85,8 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     The larger the error of a block, by noise and beside edges, the more its colour becomes the mean of the 3 x 5 blocks around it:
     of the blocks above and below, then twice of those on the left and right, each as far as it is alike (a separated bilateral
     filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light. The more luminance changes around
-    a block, the less it is known: it is like others sooner, and counts less, in their colour and in that of pixels (`propagate`). So
-    black print stays grey, and ink shows the colour of the blocks that lie within it.
+    a block, the less it is known: it is like others sooner, and counts less, for them and for pixels (`propagate`). So black print
+    stays grey, and ink shows the colour of the blocks that lie within it.
     """
     variance = g.variance(blocks.luminance)
     light = g("Max", blocks.luminance, g.floor)
