@@ -9,12 +9,15 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .calibration import LENS, SensorCalibration
 from .errors import InputError
 from .figures import parsed_json, shown
 from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
+from .white_balance import balanced, estimate_neutral
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", *LENS)
 """The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral, or lights."""
@@ -56,12 +59,15 @@ class Camera:
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
         """The shot with this camera's calibration; what it does not know of colours, noise, defects and lens stays the shot's.
 
+        A camera with two lights knows no white: that of the shot counts, or, where nobody has measured it, an estimate.
         Raises InputError when the shot has another sensor, pattern, or number of bits; the message names both.
         """
         self.check(mosaic.pattern, mosaic.calibration)
         known, own = self.calibration, mosaic.calibration
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
-        white = known if colours is known and known.knows_white else own  # a camera with two lights does not know that of the shot
+        white = known if colours is known and known.knows_white else own
+        # A shot of a picture says 1, 1, 1, for pictures are balanced; sensors are not.
+        measured = None if known.lights and white.neutral and len(set(white.neutral)) == 1 else white.neutral
         # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
         parts = ("noise", "defects", "sensor", *LENS)
         kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
@@ -69,11 +75,14 @@ class Camera:
             known,
             **kept,
             camera_to_xyz=colours.camera_to_xyz,
-            neutral=white.neutral,
-            neutral_estimated=white.neutral_estimated,
+            neutral=measured,
+            neutral_estimated=white.neutral_estimated and measured is not None,
             lights=colours.lights,
         )
-        return Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
+        result = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
+        if not (known.lights and measured is None and (seen := estimate_neutral(result))):
+            return result
+        return replace(result, calibration=balanced(calibration, np.array(seen), estimated=True))
 
     def check(self, pattern: CfaPattern, calibration: SensorCalibration) -> None:
         """Raise InputError unless a shot with this pattern and calibration can come from this camera; the message names both."""

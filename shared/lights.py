@@ -43,13 +43,10 @@ def illuminant_xy(name: str) -> Chromaticity:
     >>> [round(each, 3) for each in illuminant_xy("4000")]
     [0.38, 0.377]
     """
-    if name in ILLUMINANTS:
+    if isinstance(name, str) and name in ILLUMINANTS:
         return ILLUMINANTS[name]
     low, high = _TEMPERATURES
-    try:
-        kelvin = float(name) if isinstance(name, str) else 0.0
-    except ValueError:
-        kelvin = 0.0
+    kelvin = float(name) if isinstance(name, str) and name.isascii() and name.isdigit() else 0.0
     if not low <= kelvin <= high:
         raise InputError(f"the light is {shown(name)}, expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin")
     if kelvin >= _DAYLIGHT:  # CIE 15:2018, 4.1.2

@@ -44,8 +44,8 @@ class Refused:
 def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder) -> Iterator[Saved | Refused]:
     """Save each frame with its preview, and yield the outcome of each.
 
-    A frame that does not fit the sensor is refused, and the loop continues. If the sensor's colours are unknown, its white is
-    estimated from the frames, see `SteadyWhite`.
+    A frame that does not fit the sensor is refused, and the loop continues. If it is unknown what white reads, that is estimated
+    from the frames, see `SteadyWhite`.
 
     frames: raw frames, for example a `FrameQueue`.
     sensor: the sensor they come from.

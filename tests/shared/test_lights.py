@@ -67,7 +67,7 @@ def test_illuminants_are_those_of_the_cie() -> None:
         assert chromaticity == pytest.approx(colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][name], abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["B", "", "nan", "inf", "-4000", "1999", "10001", "4000 lux", 4000, None])
+@pytest.mark.parametrize("name", ["B", "", "nan", "inf", "-4000", "1999", "10001", "4000 lux", "4_000", 4000, ["A"], None])
 def test_other_lights_are_refused(name: Any) -> None:
     with pytest.raises(InputError, match=r"expected A, D50, D55, D65, D75, or 2000 to 10000 kelvin"):
         illuminant_xy(name)
@@ -108,13 +108,19 @@ def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
     assert known.camera_to_xyz == colours_under(LIGHTS, SHOT)
 
 
-def test_a_stream_of_such_a_camera_is_balanced_by_its_frames() -> None:
+def test_where_nobody_has_measured_the_light_it_is_estimated() -> None:
+    """In the frames of a stream, and in shots that say nothing, or what pictures say."""
     grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)).repeat(6, 0).repeat(6, 1)
     seen = grey * np.array([0.5, 1.0, 0.6, 2.1])  # the channels, and their sum
     samples = np.take_along_axis(seen, PATTERN.filter_map((240, 240))[..., None].astype(np.intp), 2)[..., 0].astype(np.float32)
-    found = SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)).calibration
-    assert found.neutral == pytest.approx((0.5, 1.0, 0.6), abs=1e-3)
-    assert found.camera_to_xyz == colours_under(LIGHTS, found.neutral)
+    shots = [Mosaic(samples, PATTERN, replace(SensorCalibration.of_bits(12), neutral=says)) for says in (None, (1.0, 1.0, 1.0))]
+    taken = [SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)), *(Camera(CAMERA, PATTERN).calibrated(shot) for shot in shots)]
+    for found in (each.calibration for each in taken):
+        assert found.neutral == pytest.approx((0.5, 1.0, 0.6), abs=1e-3)
+        assert found.neutral_estimated
+        assert found.camera_to_xyz == colours_under(LIGHTS, found.neutral)
+    dark = replace(shots[0], samples=np.zeros((240, 240), np.float32))
+    assert Camera(CAMERA, PATTERN).calibrated(dark).calibration.neutral is None
 
 
 def test_json_and_back() -> None:
