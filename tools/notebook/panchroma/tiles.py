@@ -67,7 +67,7 @@ def design(
 
     >>> import panchroma
     >>> panchroma.design(sigma=0.01, sizes=[3], share=(0.6, 1), steps=0).patterns[0]
-    'RGW/BWW/WWW'
+    'RGB/WWW/WWW'
     """
     judge = FastJudge.of(channels, [Light.of_sigma(sigma)])
     search = Search(Judged(judge), Limits(channels, tuple(sizes), *share), {"worst": 1.0, "whole": 1.0}, steps, seed)
