@@ -3,11 +3,12 @@
 from .ahead import compile_kernel, kernels_to_compile
 from .kernels.compile import compilation, kernel_cache
 from .kernels.pieces import available_threads, threads, use_threads
-from .measured import Measured
+from .measured import Measured, Stages
 from .memory import rendering_memory
 from .parts import Look, Part, RowStage
-from .render import Rendering, Stages, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
+from .render import Rendering, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
 from .rows.learned import network_name
+from .rows.uncertainty import with_uncertainty
 from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .solvers import Solved, SolverLog
 
@@ -41,4 +42,5 @@ __all__ = [
     "threads",
     "use_threads",
     "warm_up",
+    "with_uncertainty",
 ]

@@ -1,5 +1,6 @@
 """What is known of a whole frame before colour is spread: all that the stages in rows get."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,11 @@ from shared.block_grid import BlockGrid
 from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
+from shared.progress import Progress
 
 from .blocks import Sites
-from .parts import Part
+from .parts import Part, RowStage
+from .settings import RenderSettings
 
 EVEN = 0.01 / 3
 """Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off.
@@ -141,3 +144,7 @@ class Measured:
         lines = ColourLines(values[..., 0], values[..., 0], each)
         samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), each, lines=lines)
         return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)
+
+
+Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
+"""Makes the list of stages in rows, as `row_stages` does."""

@@ -19,6 +19,7 @@ from shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
+from ..rows.uncertainty import with_uncertainty
 from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
@@ -88,16 +89,21 @@ def merge_burst(
     return MergedBurst(distinct[found.reference], in_order, shares, measured, samples)
 
 
-def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
+def render_burst_bands(
+    merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT, uncertain: Mosaic | None = None
+) -> Iterator[FloatArray]:
     """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
 
+    uncertain: the reference, if bands are to state how far they may be off, see `colour_bands`; colour is then taken to be off as
+        much as in a picture of one frame of that noise.
     Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
     """
 
     def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
         return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
 
-    return colour_bands(merged.measured, settings, progress, stages)
+    stated = stages if uncertain is None else with_uncertainty(uncertain, stages, merged.shares)
+    return colour_bands(merged.measured, settings, progress, stated)
 
 
 def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -> tuple[Measured, ColourSamples, FloatArray]:

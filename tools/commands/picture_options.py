@@ -33,6 +33,12 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     add(parser, "quality", more=f"; for {', '.join(lossy)}")
     spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
+    able = ", ".join(each.name for each in FORMATS.values() if each.has_uncertainty)
+    parser.add_argument(
+        "--uncertainty",
+        action="store_true",
+        help=f"also write how far luminance and colour of each pixel may be off: standard deviations, scene units; for {able}",
+    )
     parser.add_argument(
         "--exposure",
         type=float,
@@ -75,7 +81,7 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
-    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
+    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality, uncertainty=arguments.uncertainty)
     kind.check_exposure(arguments.exposure)
     arguments.wb.check(kind)
     return {

@@ -9,6 +9,7 @@ import numpy as np
 
 from tools.camera.protocols import Protocol
 
+from .coverage import KINDS, PARTS, WITHIN, area
 from .criteria import CRITERIA, RGB, Criterion
 from .measures import PLANES, Histogram, Measures
 from .methods import methods
@@ -33,7 +34,9 @@ class Figure:
         psnr_PLANE), dB; ssim; wrong_hue and uneven_hue, the shares of the pixels that show a wrong hue, and another one than their
         object does, 0 to 1, None where red, green and blue are not measured; kept_1 to kept_5, the slopes of `colour_kept` from
         dark to bright, and faded, the mean of their distances from 1, None where there is no colour. What is of whole pictures is
-        the mean over the scenes; kept is of all their pixels.
+        the mean over the scenes; kept is of all their pixels, and so are luminance_1 to colour_2_fine_colour, the shares of the
+        errors of luminance and of colour that lie within one and two stated standard deviations, of all and by kind of place, and
+        foretold, the area under the ROC curve of wrong hue by what is stated; None where nothing is.
     """
 
     group: str
@@ -205,4 +208,15 @@ def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | No
     slopes = [float(one / all_) if all_ else None for one, all_ in zip(seen, true, strict=True)]
     values |= {f"kept_{place + 1}": slope for place, slope in enumerate(slopes)}
     faded = [abs(1 - slope) for slope in slopes if slope is not None]
-    return values | {"faded": float(np.mean(faded)) if faded else None}
+    return values | {"faded": float(np.mean(faded)) if faded else None} | _stated(parts)
+
+
+def _stated(parts: Sequence[Measures]) -> dict[str, float | None]:
+    """What is known of the uncertainty that some pictures state."""
+    covered = np.sum([each.covered for each in parts], axis=0)
+    values: dict[str, float | None] = {}
+    for part, counts in zip(PARTS, covered, strict=True):
+        for kind, (*within, all_) in {"": counts.sum(axis=0), **dict(zip(KINDS, counts, strict=True))}.items():
+            end = f"_{kind.replace(' ', '_')}" * bool(kind)
+            values |= {f"{part}_{n}{end}": float(one / all_) if all_ else None for n, one in zip(WITHIN, within, strict=True)}
+    return values | {"foretold": area(np.sum([each.doubts for each in parts], axis=0))}

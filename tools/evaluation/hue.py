@@ -19,21 +19,22 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
 
     rendered, truth: (H, W, 3), linear, scene units.
     """
-    gain, wrong = _gain(truth), np.empty(truth.shape[:2], bool)
+    gain, wrong = balance(truth), np.empty(truth.shape[:2], bool)
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
-        wrong[rows] = delta_e_2000(_lab(gain * rendered[rows]), _lab(gain * truth[rows])) > WRONG
+        wrong[rows] = delta_e_2000(lab(gain * rendered[rows]), lab(gain * truth[rows])) > WRONG
     return wrong
 
 
 def displayed(picture: FloatArray, truth: FloatArray) -> FloatArray:
     """A picture as `wrong_hue` shows it, float32 (H, W, 3), CIELAB."""
-    gain, shown = _gain(truth), np.empty(picture.shape, np.float32)
+    gain, shown = balance(truth), np.empty(picture.shape, np.float32)
     for rows in strips(len(picture)):
-        shown[rows] = _lab(gain * picture[rows])
+        shown[rows] = lab(gain * picture[rows])
     return shown
 
 
-def _gain(truth: FloatArray) -> DoubleArray:
+def balance(truth: FloatArray) -> DoubleArray:
+    """Gains of the channels, (3,), with which `wrong_hue` shows pictures."""
     mean = np.maximum(truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
     gain = mean.mean() / mean  # white balance
     luminance = truth @ (gain * SRGB_TO_XYZ[1])
@@ -41,5 +42,6 @@ def _gain(truth: FloatArray) -> DoubleArray:
     return result
 
 
-def _lab(balanced: DoubleArray) -> DoubleArray:
+def lab(balanced: DoubleArray) -> DoubleArray:
+    """CIELAB of balanced linear sRGB, (..., 3); what is beyond black or white is clipped."""
     return xyz_to_lab(np.clip(balanced, 0.0, 1.0) @ np.array(SRGB_TO_XYZ).T)

@@ -13,6 +13,7 @@ from shared.errors import InputError
 from tools.scenes.scene import RGB
 
 from .colour_kept import PLACES, colour_kept
+from .coverage import BINS, KINDS, PARTS, WITHIN, coverage, foretold, histograms
 from .hue import wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 from .one_hue import uneven_hue
@@ -24,7 +25,7 @@ WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
-_PARTS = ("bins", "counts")
+_PARTS, _KEPT = ("bins", "counts"), ("kept", "covered", "doubts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,8 @@ class Measures:
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
     uneven_hue: share of those whose hue is not that of their object (see `uneven_hue`), likewise.
     kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
+    covered: what `coverage` returns; 0 where the picture does not state how far it may be off.
+    doubts: likewise the `histograms` of how far pixels may be off, of right and of wrong hue.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
     hues: float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
@@ -82,6 +85,8 @@ class Measures:
     wrong_hue: float | None
     uneven_hue: float | None
     kept: DoubleArray
+    covered: DoubleArray
+    doubts: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
     hues: FloatArray
@@ -90,11 +95,13 @@ class Measures:
     def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
         """Measure a rendering against the truth, both (H, W, N), scene units. Raises InputError as `patch_psnr` does.
 
+        rendered: may have what it states behind its channels, (H, W, N + 1 + N), see `offline.Rendering.uncertainty`.
         channels: the N letters of the channels.
         """
+        rendered, stated = rendered[..., : truth.shape[-1]], rendered[..., truth.shape[-1] :]
         maps = patch_psnr(rendered, truth)
         places = [channels.index(letter) for letter in RGB if letter in channels]
-        visible = len(places) == len(RGB)
+        visible, known = len(places) == len(RGB), stated.shape[-1] > 0
         shown, inner = (rendered[..., places], truth[..., places]), (slice(BORDER, -BORDER),) * 2
         wrong = wrong_hue(*shown) if visible else np.zeros(truth.shape[:2], bool)
         return cls(
@@ -104,6 +111,10 @@ class Measures:
             float(wrong[inner].mean()) if visible else None,
             float(uneven_hue(*shown)[inner].mean()) if visible else None,
             colour_kept(*shown) if visible else np.zeros((2, len(PLACES))),
+            coverage(rendered, truth, stated) if known else np.zeros((len(PARTS), len(KINDS), len(WITHIN) + 1)),
+            histograms(foretold(*shown, stated[..., [0, *(1 + place for place in places)]])[inner], wrong[inner])
+            if known and visible
+            else np.zeros((2, BINS)),
             tuple(Histogram.of(plane) for plane in maps),
             _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
             _window_means(wrong.astype(np.float64)),
@@ -113,10 +124,10 @@ class Measures:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
-        quality = np.array(self.quality)
         hues = self.wrong_hue, self.uneven_hue
         whole = np.array([*self.psnr, self.ssim, *(np.nan if each is None else each for each in hues)])
-        np.savez_compressed(buffer, quality=quality, whole=whole, kept=self.kept, errors=self.errors, hues=self.hues, **parts)
+        planes: dict[str, Any] = {name: getattr(self, name) for name in (*_KEPT, "errors", "hues")}
+        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **planes, **parts)
         return buffer.getvalue()
 
     @classmethod
@@ -128,8 +139,9 @@ class Measures:
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
                 *psnr, ssim_, wrong, uneven = stored["whole"].tolist()
                 wrong, uneven = (None if np.isnan(each) else each for each in (wrong, uneven))
-                rest = (stored[name] for name in ("errors", "hues"))
-                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, uneven, stored["kept"], parts, *rest)
+                kept, covered, doubts, errors, hues = (stored[name] for name in (*_KEPT, "errors", "hues"))
+                whole = Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, uneven
+                return cls(*whole, kept, covered, doubts, parts, errors, hues)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

@@ -67,10 +67,14 @@ class Method:
         """The same method, given white-balanced samples."""
         return replace(self, name=f"{self.name}-wb", title=f"{self.title.rpartition(' ')[0]}, balanced", balanced=True)
 
-    def render(self, cameras: CameraPair) -> FloatArray:
-        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
+    def render(self, cameras: CameraPair, *, stated: bool = False) -> FloatArray:
+        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units.
+
+        stated: with `offline.Rendering.uncertainty` behind the channels, (H, W, N + 1 + N), if the method states it.
+        """
         if self.sparse:
-            return cameras.render_sparse(self.function)
+            picture = cameras.render_sparse(self.function)
+            return picture if stated else picture[..., : cameras.truth.shape[2]]
         if self.whole_shot:
             return cameras.render_shot(self.function)
         return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)

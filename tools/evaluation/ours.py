@@ -3,6 +3,8 @@
 from dataclasses import asdict
 from functools import partial
 
+import numpy as np
+
 from offline import PRESETS, RenderSettings, render
 from offline.version import ALGORITHM
 from shared import Mosaic
@@ -17,10 +19,16 @@ def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
     return render(mosaic, settings).rgb
 
 
+def render_stated(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """As `render_preset`, with `offline.Rendering.uncertainty` behind the channels: float32 (H, W, C + 1 + C)."""
+    found = render(mosaic, settings, uncertainty=True)
+    return np.concatenate([found.rgb, found.uncertainty], axis=2) if found.uncertainty is not None else found.rgb
+
+
 def _preset(name: str, title: str, seconds: float) -> Method:
     settings = PRESETS[name]
     version, packages = [ALGORITHM, asdict(settings)], ("onnxruntime",) if settings.learned.used else ()
-    function = partial(render_preset, settings)
+    function = partial(render_stated if settings.pooling.used else render_preset, settings)
     return Method(name, f"Sparse colour, {title}", function, version, ours=True, sparse=True, packages=packages, seconds=seconds)
 
 

@@ -10,6 +10,7 @@ from tools.scenes.scene import RGB as RGB_CHANNELS
 
 from .claims import claims
 from .colour_kept import PLACES
+from .coverage import KINDS, PARTS, WITHIN
 from .criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion
 from .figures import Figures, SetFigures
 from .methods import methods
@@ -25,6 +26,12 @@ STROKES = (
 )
 
 KEPT = "Colour kept by luminance of the truth, both pictures blurred: 1 is all of it, 0 is grey"
+
+
+COVERED = (
+    "What the picture states of its errors: percent within one / two stated standard deviations (68 / 95 is right; what is "
+    "measured without noise is left out), and how often a pixel of wrong hue is stated to be less certain than one of right hue"
+)
 
 
 @dataclass(frozen=True)
@@ -117,6 +124,20 @@ def kept_table(group: SetFigures, level: Protocol) -> Table:
     return Table([capital(level.text), *PLACES], rows)
 
 
+def covered_table(group: SetFigures, level: Protocol) -> Table:
+    """How often errors lie within what a picture states: two rows for each method that states it, a column by kind of place."""
+    rows = []
+    for name in group.study.methods:
+        if (figure := group.figure(level, name)) and figure.values["colour_1"] is not None:
+            for part in PARTS:
+                ends = ["", *(f"_{kind.replace(' ', '_')}" for kind in KINDS)]
+                pairs = [[figure.values[f"{part}_{within}{end}"] for within in WITHIN] for end in ends]
+                texts = [" / ".join("–" if each is None else f"{100 * each:.1f}" for each in pair) for pair in pairs]
+                area = figure.values["foretold"] if part == PARTS[-1] else None
+                rows.append(_of_method(name, [*texts, "" if area is None else f"{area:.2f}"], (), f", {part}"))
+    return Table([capital(level.text), "everywhere", *KINDS, "wrong hue"], rows)
+
+
 def sensors(figures: Figures) -> str:
     """The scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
@@ -154,6 +175,8 @@ def plain_text(figures: Figures) -> str:
             lines += [line for level in study.levels for line in _aligned(pattern_table(group, level))]
         lines.append(f"{KEPT}:")
         lines += [line for level in study.levels for line in _aligned(kept_table(group, level))]
+        covered = [line for level in study.levels for line in _aligned(covered_table(group, level))]
+        lines += [f"{COVERED}:", *covered] if covered else []
         lines.append("")
     if figures.strokes:
         lines.append(f"{STROKES}:")

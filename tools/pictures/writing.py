@@ -24,7 +24,8 @@ def write_picture(
     The bands are taken in this thread. Others convert, compress and write those that have arrived.
 
     path: the file.
-    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1.
+    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1. With
+        `PictureKind.uncertainty` (rows, W, C + 1 + C), as `offline.colour_bands` yields them.
     overwrite, on_complete: see `durable_file`.
     threads: number of threads that convert and compress.
 
@@ -33,6 +34,7 @@ def write_picture(
     leave no file.
     """
     development.check()
-    checked = (checked_picture(band, len(development.calibration.channels)) for band in bands)
+    planes = development.kind.planes(len(development.calibration.channels))
+    checked = (checked_picture(band, planes) for band in bands)
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         development.kind.kept_as.write(file, checked, development, threads=threads, folder=Path(path).parent)

@@ -29,6 +29,7 @@ class Subject:
     """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a burst.
 
     mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one.
+    uncertainty: whether the picture states how far it may be off.
     count: number of frames.
     errors: a line for each file that failed, where others are left to render.
     words: what is special about the picture, for people; "" for nothing.
@@ -39,20 +40,21 @@ class Subject:
     errors: tuple[str, ...] = ()
     words = ""
 
-    def __init__(self, mosaic: Mosaic, settings: "RenderSettings") -> None:
-        self.mosaic, self.settings = mosaic, settings
+    def __init__(self, mosaic: Mosaic, settings: "RenderSettings", *, uncertainty: bool = False) -> None:
+        self.mosaic, self.settings, self.uncertainty = mosaic, settings, uncertainty
         self.lost: ByteArray | None = None
 
     def prepare(self, progress: Progress) -> None:
         """Do all that comes before `bands`. Raises InputError if there can be no picture."""
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
-        """Yield the picture as `offline.render_bands` does."""
-        from offline import colour_bands, measure
+        """Yield the picture as `offline.colour_bands` does."""
+        from offline import colour_bands, measure, row_stages, with_uncertainty
 
         measured = measure(self.mosaic, self.settings, progress)
         self.lost = measured.lost
-        return colour_bands(measured, self.settings, progress)
+        stages = with_uncertainty(self.mosaic, row_stages) if self.uncertainty else row_stages
+        return colour_bands(measured, self.settings, progress, stages)
 
     def beside(self, progress: Progress) -> list[bytes]:
         """Return the contents of the files beside the picture (`Job.outputs`), once its last band has been taken."""
@@ -112,7 +114,7 @@ class Order:
         """
         mosaic = self.read(job.source)
         needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
-        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings)
+        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings, uncertainty=self.kind.uncertainty)
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""

@@ -16,9 +16,11 @@ from ..figures import Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
 from ..report import (
+    COVERED,
     KEPT,
     STROKES,
     Table,
+    covered_table,
     kept_table,
     method_table,
     pattern_conditions,
@@ -161,10 +163,16 @@ def _noise_section(figures: Figures) -> str:
     plots = "".join(
         f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}"
         + _folded(KEPT, "".join(_table(kept_table(group, level)) for level in figures.study.levels))
+        + _covered(group)
         for group in figures.sets
     )
     said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."
     return f"<h2>Quality and noise</h2><p>{said}</p>{plots}"
+
+
+def _covered(group: SetFigures) -> str:
+    """How often errors lie within what pictures state; "" where none states it."""
+    return _folded(COVERED, "".join(_table(covered_table(group, level)) for level in group.study.levels))
 
 
 def strokes_section(figures: Figures) -> str:

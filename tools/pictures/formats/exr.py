@@ -1,7 +1,7 @@
 """OpenEXR, with the capture data as standard optional attributes."""
 
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -24,6 +24,7 @@ class OpenExr(Format):
     """OpenEXR; 16 bits are half floats. Raises OutputError if a temporary file cannot be written."""
 
     name = "exr"
+    has_uncertainty = True
     spaces: ClassVar = {"linear-srgb": (16, 32), CAMERA: (32, 16)}
     memory_per_pixel = 40.0
 
@@ -34,15 +35,16 @@ class OpenExr(Format):
     def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
         """See `Format`."""
         (pixels,) = bands
-        kind = development.kind
-        file.write(encode_exr(pixels, development.channels, kind.bits, _attributes(development.noted, kind.space)))
+        kind, channels = development.kind, development.channels
+        layers = [f"uncertainty.{letter}" for letter in f"Y{channels}"] if kind.uncertainty else []
+        file.write(encode_exr(pixels, [*channels, *layers], kind.bits, _attributes(development.noted, kind.space)))
 
 
-def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping[str, object]) -> bytes:
+def encode_exr(pixels: FloatArray, channels: Sequence[str], bits: int, attributes: Mapping[str, object]) -> bytes:
     """Return an OpenEXR file.
 
     pixels: float32 (H, W, C).
-    channels: a letter per channel.
+    channels: their names, such as letters.
     bits: 32, or 16 for half floats (clipped to +-65504).
     attributes: further header fields, with OpenEXR's names.
     """
@@ -56,7 +58,7 @@ def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping
         # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for which it takes too long.
         compression = OpenEXR.ZIP_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
-    planes = {letter: np.ascontiguousarray(stored[..., index]) for index, letter in enumerate(channels)}
+    planes = {name: np.ascontiguousarray(stored[..., index]) for index, name in enumerate(channels)}
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "picture.exr"  # OpenEXR before 3.5 writes to no stream

@@ -24,6 +24,7 @@ class Shown:
 
     def __init__(self, mosaic: Mosaic, exposure: float) -> None:
         self._colours = ColourTransform.to_space(mosaic.calibration)
+        self._channels = len(mosaic.pattern.channels)
         self._exposure, self._orientation = exposure, mosaic.metadata.orientation
         self._codes = np.empty((*mosaic.shape, 3), np.uint8)
 
@@ -31,7 +32,8 @@ class Shown:
         """Yield the bands of the rendering, from top to bottom, as they are."""
         top = 0
         for band in bands:
-            self._codes[top : top + len(band)] = display_codes(band, self._colours, 8, self._exposure)
+            picture = band[..., : self._channels]  # without what it may state behind them
+            self._codes[top : top + len(band)] = display_codes(picture, self._colours, 8, self._exposure)
             top += len(band)
             yield band
 

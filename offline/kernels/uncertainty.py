@@ -1,0 +1,100 @@
+"""What foretells the errors of a picture, pixel by pixel, and their variances as sums of it (see `offline.rows.uncertainty`)."""
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray, IndexArray
+
+from .compile import Pieces, kernel, parallel_kernel
+from .functions import unset
+
+WIDE, NARROW = 3, 1
+"""Radii of the windows, pixels, in which chromaticity, and luminance and colour, are looked at."""
+_NONE = np.float32(0)
+_LEAST = np.float32(1e-30)  # keeps quotients finite
+
+
+@parallel_kernel(
+    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8, f4[::1],"
+    " f4[:, ::1], f4[:, :, ::1]",
+    pieces=lambda *given: len(given[-1]),
+)
+def uncertainty(
+    pieces: Pieces,
+    light: FloatArray,
+    known: FloatArray,
+    shares: FloatArray,
+    blocks: FloatArray,
+    columns: tuple[IndexArray, FloatArray],
+    down: float,
+    first: int,
+    grey: FloatArray,
+    weights: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Standard deviations of the errors of some rows of a picture, in units of luminance.
+
+    light: luminance of a part of a picture, (rows, W).
+    known: (3, rows, W), variance of the noise and of the grain (see `Uncertainty`), and the squared correction of luminance at
+        colour sites; -1 elsewhere.
+    shares: gamma_i times chromaticity i, (C, rows, W).
+    blocks: the same of all blocks, (C, block rows, block columns).
+    columns: column of blocks to the left of each pixel, and how far it is from there to the next, 0 to 1.
+    down: row of blocks, with a fraction, at the part's row `first`, which belongs to out[0].
+    grey: shares of a pixel without colour, (C,).
+    weights: (2, 6), of the variances for luminance and for colour; then the rows of blocks per row of pixels.
+    out: (rows, W, 1 + C), written.
+    """
+    (count, height, width), across = shares.shape, blocks.shape[2]
+    left, near = columns
+    sums, line = np.empty((2, width + 2 * WIDE)), unset(across + 1)
+    level, wide, narrow, odd = unset(width), unset(width), unset(width), unset(2 * NARROW + 1, width)
+    for row in range(pieces[0], pieces[1]):
+        here = row + first
+        top, end = max(here - NARROW, 0), min(here + NARROW + 1, height)
+        _spread(light[top:end], NARROW, sums, level)
+        for x in range(width):
+            noise, grain, moved, spread = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
+            own = noise * grain / max(noise + grain, _LEAST)
+            v = weights[0, 0] * noise + weights[0, 1] * (noise * spread / max(noise + spread, _LEAST)) + weights[0, 2] * own
+            if moved >= _NONE:
+                v += weights[0, 3] * spread + weights[0, 4] * grain + weights[0, 5] * moved
+            out[row, x, 0] = np.sqrt(v)
+        place = min(max(down + row * weights[2, 0], 0.0), blocks.shape[1] - 1.0)
+        above = min(int(place), max(blocks.shape[1] - 2, 0))
+        below, part = min(above + 1, blocks.shape[1] - 1), np.float32(place - above)
+        for i in range(count):
+            for x in range(across):
+                line[x] = blocks[i, above, x] + part * (blocks[i, below, x] - blocks[i, above, x])
+            line[across] = line[across - 1]
+            _spread(shares[i, max(here - WIDE, 0) : here + WIDE + 1], WIDE, sums, wide)
+            for y in range(top, end):
+                for x in range(width):
+                    odd[y - top, x] = (shares[i, y, x] - grey[i]) * light[y, x]
+            _spread(odd[: end - top], NARROW, sums, narrow)
+            for x in range(width):
+                bright = light[here, x]
+                apart = (shares[i, here, x] - line[left[x]] - near[x] * (line[left[x] + 1] - line[left[x]])) * bright
+                noise, spread = known[0, here, x], wide[x] * bright * bright
+                v = weights[1, 0] * noise + weights[1, 1] * known[1, here, x] + weights[1, 2] * spread
+                v += weights[1, 3] * apart * apart + weights[1, 4] * narrow[x] + weights[1, 5] * np.sqrt(noise * spread)
+                out[row, x, 1 + i] = np.sqrt(v)
+
+
+@kernel
+def _spread(plane: FloatArray, reach: int, sums: DoubleArray, out: FloatArray) -> None:
+    """Variance of a plane, (rows, W), in windows of all its rows and `reach` columns to both sides, as far as there are any."""
+    rows, width = plane.shape
+    sums[:] = 0.0
+    for row in range(rows):
+        for x in range(width):
+            value = np.float64(plane[row, x])
+            sums[0, x + reach] += value
+            sums[1, x + reach] += value * value
+    for x in range(width):
+        total, squares = 0.0, 0.0
+        for step in range(2 * reach + 1):
+            total += sums[0, x + step]
+            squares += sums[1, x + step]
+        number = rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1)
+        mean = total / number
+        out[x] = max(squares / number - mean * mean, 0.0)

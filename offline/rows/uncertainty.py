@@ -1,0 +1,118 @@
+"""How far a picture may be off, pixel by pixel: standard deviations of luminance and of colour, from what the render knows.
+
+The variance of an error is a sum of what foretells it, with weights that were learned from photographs (`WEIGHTS`), not negative.
+All of it is seen in a render:
+
+- the noise of a panchromatic sample, and what a picture keeps or loses of texture and grain when that is taken off;
+- the grain of the scene itself: what smooth parts of the shot vary by more than its noise. One block in K x K pixels cannot see it;
+- how chromaticity and colour vary around a pixel, and how far its chromaticity is from that between the blocks around: errors are
+  large at borders of colours, and where few pixels decide to which block they belong;
+- at colour sites, where luminance is filled in, its contrast and how far the samples have corrected it.
+
+None of this is in the paper.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.calibration import NoiseModel
+from shared.errors import InputError
+from shared.mosaic import Mosaic
+
+from ..kernels.uncertainty import WIDE, uncertainty
+from ..measured import Measured, Stages
+from ..parts import Look, Part, RowStage
+from ..settings import RenderSettings
+from ..units import scaled
+from ..whole.noise import estimate_noise
+
+# By `python -m tools.training.uncertainty`, from photographs that no test looks at. Of luminance: noise; noise and contrast in
+# parallel (a b / (a + b)); noise and grain in parallel; and at colour sites contrast, grain, squared correction. Of colour: noise;
+# grain; variance of chromaticity in 7 x 7 pixels times squared luminance; squared distance from the colour between the blocks;
+# variance of colour in 3 x 3 pixels; root of the first times the third.
+WEIGHTS = ((0.035, 0.56, 0.82, 0.021, 0.92, 2.2), (0.0038, 0.25, 0.58, 0.77, 0.037, 0.75))
+# An estimate of noise from the shot is this much higher than the noise by chance, or by texture: measured at sigma 0.03.
+_CHANCE = 1.1
+
+
+@dataclass(eq=False)
+class Uncertainty(RowStage):
+    """State how far the picture may be off (`Part.uncertainty`): the last stage of all.
+
+    measured: of the frame.
+    grain: the noise that smooth parts of the shot show, in the frame's units; None = as much as is known.
+    shares: variance of the noise of luminance relative to a single frame's, (H, W); None = it is one.
+    weights: (2, 6), of what foretells errors, see `WEIGHTS`.
+    """
+
+    measured: Measured
+    grain: NoiseModel | None
+    shares: FloatArray | None = None
+    weights: tuple[tuple[float, ...], ...] = WEIGHTS
+
+    name = "uncertainty"
+    kernels = ("uncertainty",)
+
+    @classmethod
+    def of(cls, mosaic: Mosaic, measured: Measured, settings: RenderSettings, shares: FloatArray | None = None) -> "Uncertainty":
+        """The stage for a shot. Raises InputError for settings of which nobody knows how far they are off."""
+        if not settings.pooling.used:
+            raise InputError("the uncertainty of a picture is known for the presets best and unlearned, and settings like these")
+        return cls(measured, estimate_noise(scaled(mosaic, measured.exponent)), shares)
+
+    @property
+    def look(self) -> Look:
+        """The pixels around a pixel."""
+        return Look(WIDE)
+
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels."""
+        return 4.0 * (6 + 3 * channels) * pixels
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows, with their uncertainty."""
+        measured, gamma, grid, held = self.measured, self.measured.gamma, self.measured.grid, slice(part.first, part.end)
+        shading, noise = measured.calibration.shading, measured.calibration.noise
+        gain = None if shading is None else shading.of_plane(measured.shape, -1, held)
+        light = part.luminance if gain is None else part.luminance / gain
+        known = np.zeros((3, *light.shape), np.float32)
+        if noise is not None:
+            known[0] = noise.variance(light)
+        if self.grain is not None:
+            np.maximum(self.grain.variance(light) - np.float32(_CHANCE) * known[0], 0, out=known[1])
+        if self.shares is not None:
+            known[0] *= self.shares[held]
+        filled = ~measured.pattern.panchromatic_mask(light.shape, (part.first, 0))
+        known[2] = np.where(filled, np.square(light - measured.luminance[held]), -1)
+        middle = [(size - 1) / 2 for size in grid.block_shape]
+        place = (np.arange(light.shape[1]) - grid.columns[0] - middle[1]) / grid.period
+        left = place.clip(0, grid.shape[1] - 1).astype(np.intp)
+        near = (place - left).clip(0, 1).astype(np.float32)
+        weights = np.zeros((3, 6), np.float32)
+        weights[:2], weights[2, 0] = self.weights, 1 / grid.period
+        shown, first = part.rows(*rows), rows[0] - part.first
+        found = np.empty((*shown.luminance.shape, 1 + len(gamma)), np.float32)
+        shares, blocks = (np.ascontiguousarray(np.moveaxis(each * gamma, 2, 0)) for each in (part.chromaticity, measured.blocks))
+        down = (rows[0] - grid.rows[0] - middle[0]) / grid.period
+        uncertainty(light, known, shares, blocks, (left, near), down, first, gamma / gamma.sum(), weights, found)
+        found[..., 1:] /= gamma
+        inner = slice(first, first + len(found))
+        if measured.lost is not None:  # where nothing is known of the light, it may be off by all of it
+            found += (measured.lost[slice(*rows)] / np.float32(255) * light[inner])[..., None]
+        if gain is not None:
+            found *= gain[inner, :, None]
+        return replace(shown, uncertainty=found)
+
+
+def with_uncertainty(mosaic: Mosaic, stages: Stages, shares: FloatArray | None = None) -> Stages:
+    """These stages, and after them the one that states how far the picture of a shot may be off.
+
+    shares: see `Uncertainty`.
+    Raises InputError, when the stages are made, for settings that do not pool colour, such as those of the preset paper.
+    """
+    return lambda measured, settings, progress: [
+        *stages(measured, settings, progress),
+        Uncertainty.of(mosaic, measured, settings, shares),
+    ]
