@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import reduce
+from functools import cached_property, reduce
 from io import RawIOBase
 from time import monotonic
 
@@ -42,7 +42,7 @@ class _Packing:
     place: Callable[[int, int], int] | None = None
     words: str = ""
 
-    @property
+    @cached_property
     def pieces(self) -> list[list[tuple[int, int, int, int]]]:
         """How each sample of a group is put together: a list of parts, each a run of bits that lies in one byte.
 
@@ -185,12 +185,11 @@ class FrameLayout:
 
     def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
         packing = FORMATS[self.format]
-        pieces = packing.pieces
         groups = np.empty((_STRIP, self.line_bytes // packing.length, packing.pixels), np.uint16)
         for top in range(0, self.height, _STRIP):
             packed = lines[top : top + _STRIP].reshape(-1, groups.shape[1], packing.length)
             count = len(packed)
-            for number, parts in enumerate(pieces):
+            for number, parts in enumerate(packing.pieces):
                 groups[:count, :, number] = reduce(np.bitwise_or, (_part(packed[..., byte], *where) for byte, *where in parts))
             codes[top : top + count] = groups[:count].reshape(count, -1)[:, : self.width]
 
@@ -202,11 +201,13 @@ class FrameLayout:
             return f"{message}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
         return f"{message}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else message
 
-    def check_recording(self, length: int) -> None:
-        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one."""
+    def check_recording(self, length: int, advice: str = "") -> None:
+        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one.
+
+        advice: what ends the message.
+        """
         if length % self.frame_bytes and (likely := self.likely(length)):
-            seen = f"{length} bytes are no whole number of frames: {self.size}"
-            raise InputError(f"{seen}; likely {likely}. If they are right, add `unchecked`")
+            raise InputError(f"{length} bytes are no whole number of frames: {self.size}; likely {likely}{advice}")
 
     @property
     def size(self) -> str:

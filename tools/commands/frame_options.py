@@ -7,6 +7,7 @@ from typing import Any
 from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
 from tools.host.console import to_stdout
+from tools.host.signals import starting_service
 from tools.live.genicam import GENICAM, connected
 from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
@@ -62,7 +63,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
     )
     settings.add_argument("--exposure-time", type=factor, metavar="SECONDS", help="such as 1/100 or 0.01 (default: as it is set)")
-    settings.add_argument("--gain", type=amount, metavar="N", help="in the camera's unit, mostly dB (default: as it is set)")
+    settings.add_argument("--gain", type=float, metavar="N", help="in the camera's unit, mostly dB (default: as it is set)")
     settings.add_argument("--fps", type=amount, metavar="N", help="frames a second (default: as it is set)")
 
 
@@ -85,7 +86,8 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
     given = SourceOptions(**{each.name: getattr(arguments, each.name) for each in fields(SourceOptions)})
-    return open_source(given, lambda known: _described(arguments, known))
+    with starting_service():
+        return open_source(given, lambda known: _described(arguments, known))
 
 
 def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern | None]:

@@ -131,6 +131,17 @@ def _watch_parent(patience: float) -> None:
         os._exit(1)
 
 
+@contextmanager
+def starting_service() -> Iterator[None]:
+    """In the `with` block a service starts, which may take until its first frame: SIGTERM ends it with exit code 0, as later."""
+    try:
+        yield
+    except Terminated as ended:
+        if ended.code == 128 + signal.SIGTERM:
+            sys.exit(0)
+        raise
+
+
 class Stopping:
     """Says, when called, whether SIGINT or SIGTERM was received in the `with` block. A second signal has its usual effect."""
 

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from time import monotonic
 from typing import Any
 
 from device.capture.frames import FrameLayout, RawFrame, format_named
@@ -21,6 +22,7 @@ _INSTALL = (
     "apt-get install gir1.2-aravis-0.8 python3-gi (and make the virtual environment with the system's own Python: /usr/bin/python3)"
 )
 _BUFFERS = 4  # frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it is there
+_SILENCE = 10.0  # seconds without a frame; the longest exposures of such cameras are as long
 _POLL = 100_000  # microseconds between two looks at whether to stop
 _MICROSECONDS = 1e6  # GenICam counts the exposure in them
 _FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")  # PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
@@ -75,6 +77,8 @@ class GenicamCamera:
                 )
             gone = self._gone  # a reference to self would keep the camera from being freed after an error
             self._device.connect("control-lost", lambda *_: gone.set())
+            # A program that was killed may have left it sending to nobody; as long as it does, it sends nothing to anybody else.
+            self._camera.stop_acquisition()
             self._format(pixel_format)
             # In this order: the exposure limits the frame rate.
             self._set("exposure_time", "exposure_time", exposure_time, _MICROSECONDS)
@@ -84,19 +88,26 @@ class GenicamCamera:
                 self._camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
             self._describe()
 
-    def frames(self, stopped: Callable[[], bool]) -> Iterator[RawFrame]:
-        """Yield the frames that arrive whole, until `stopped` returns True. Raises InputError when the camera is lost."""
+    def frames(self, stopped: Callable[[], bool], note: Callable[[str], None]) -> Iterator[RawFrame]:
+        """Yield the frames that arrive whole, until `stopped` returns True. Raises InputError when the camera is lost.
+
+        note: called once, if none arrives for ten seconds.
+        """
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
             for _ in range(_BUFFERS):
                 self._stream.push_buffer(self._aravis.Buffer.new_allocate(self._camera.get_payload()))
             self._camera.start_acquisition()
-        whole = 0
+        whole, patience = 0, monotonic() + _SILENCE
         while not (stopped() or self._closed.is_set()):
             frame = self._next()
             if frame is not None:
-                whole += 1
+                whole, patience = whole + 1, monotonic() + _SILENCE
                 yield frame
+            elif monotonic() > patience and not self._gone.is_set():
+                lost, patience = f"{self._incomplete} incomplete ones" if self._incomplete else "none at all", float("inf")
+                reason = "does it wait for a trigger, or does a firewall or a slow network keep frames back?"
+                note(f"{self._source}: no whole frame for {_SILENCE:.0f} seconds, {lost}: {reason}")
             elif self._gone.is_set():
                 reason = "it was unplugged, has no power, or another program has taken it"
                 raise InputError(f"{self._source}: the camera is gone after {whole} whole frames: {reason}")

@@ -36,7 +36,9 @@ Stopped = Callable[[], bool]
 """Polled between frames: whether to end."""
 Refused = Callable[[InputError], None]
 """Called for each file that is not a frame."""
-Opened = Callable[[Stopped, Refused], Iterator[RawFrame]]
+Note = Callable[[str], None]
+"""Called with remarks."""
+Opened = Callable[[Stopped, Refused, Note], Iterator[RawFrame]]
 """Opens a source."""
 Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern | None]]
 """What the user says of camera and pattern (None = the first frames tell it); given the pattern that the camera itself says."""
@@ -100,9 +102,9 @@ class FrameSource:
     lost: Callable[[], tuple[int, int]] = lambda: (0, 0)
     close: Callable[[], object] = bool
 
-    def frames(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> Iterator[RawFrame]:
-        """The frames; note: called when the first of them do not show whether the description is right."""
-        raw = self.opened(stopped, refused)
+    def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
+        """The frames; note: called when the first of them do not show whether the description is right, or none comes."""
+        raw = self.opened(stopped, refused, note)
         return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
 
 
@@ -128,7 +130,7 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
             raise InputError(f"{given.source}: the camera says where its filters are; leave `pattern`, `period` and `origin` out")
-        opened: Opened = lambda stopped, _: plugged.frames(stopped)  # noqa: E731
+        opened: Opened = lambda stopped, _, note: plugged.frames(stopped, note)  # noqa: E731
         source = _source(given, plugged.layout, plugged.bits, opened, camera, pattern)
         sensor, notes = replace(source.sensor, metadata=plugged.metadata), (plugged.about, *source.notes)
         return replace(source, sensor=sensor, notes=notes, lost=plugged.lost, close=plugged.close)
@@ -145,7 +147,7 @@ def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]
     """Standard input or a folder; and whether it waits."""
     folder = Path(given.source)
 
-    def watched(stopped: Stopped, refused: Refused) -> Iterator[RawFrame]:
+    def watched(stopped: Stopped, refused: Refused, _: Note) -> Iterator[RawFrame]:
         return watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped)
 
     def piped(*_: object) -> Iterator[RawFrame]:
@@ -155,7 +157,7 @@ def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]
         return watched, True
     length = recording()
     if length is not None and not given.unchecked:
-        layout.check_recording(length)
+        layout.check_recording(length, ". If they are right, add `unchecked`")
     return piped, length is not None
 
 
@@ -178,7 +180,7 @@ def _source(
 
 def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPattern, Opened]:
     """The pattern that the first frames show; and the same source, already open, with these frames again."""
-    users: list[tuple[Stopped, Refused]] = []  # who goes on with the frames, which are opened before they are known
+    users: list[tuple[Stopped, Refused, Note]] = []  # who goes on with the frames, which are opened before they are known
     misfits: list[InputError] = []
 
     def refused(error: InputError) -> None:
@@ -187,13 +189,17 @@ def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPa
         else:
             misfits.append(error)
 
-    def reopened(stopped: Stopped, user: Refused) -> Iterator[RawFrame]:
-        users.append((stopped, user))
+    def noted(remark: str) -> None:
+        if users:
+            users[0][2](remark)
+
+    def reopened(stopped: Stopped, user: Refused, note: Note) -> Iterator[RawFrame]:
+        users.append((stopped, user, note))
         for error in misfits:
             user(error)
         return chain((seen.pop(0) for _ in range(len(seen))), frames)
 
-    frames = opened(lambda: bool(users) and users[0][0](), refused)
+    frames = opened(lambda: bool(users) and users[0][0](), refused, noted)
     seen: list[RawFrame] = []
     shown = ""
     for frame in islice(frames, _FIRST):

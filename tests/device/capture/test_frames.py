@@ -178,7 +178,7 @@ def test_a_recording_of_another_stride_is_refused() -> None:
     LAYOUT.check_recording(36 * 4)
     LAYOUT.check_recording(36 * 4 + 1)  # was cut
     with pytest.raises(InputError, match=r"192 bytes are no whole number of frames: .* likely `stride=16`\. .* add `unchecked`"):
-        LAYOUT.check_recording(3 * 16 * 4)
+        LAYOUT.check_recording(3 * 16 * 4, ". If they are right, add `unchecked`")
 
 
 def test_a_stream_without_a_frame_says_so() -> None:

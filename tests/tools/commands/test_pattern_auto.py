@@ -1,6 +1,11 @@
 """`capture --pattern auto`: the first frames tell the tile, and none of them is lost."""
 
+import fcntl
 import json
+import signal
+import subprocess
+import termios
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +15,7 @@ from device.capture import frame_folder
 from shared import Camera, CfaPattern, SensorCalibration, read_dng
 from shared.arrays import CodeArray
 from tests.device.capture.test_identification import SCENE, found, taken, tile_of
-from tests.tools.command import run
+from tests.tools.command import run, start
 from tests.tools.commands.test_capture import piped, shots
 
 KODAK = taken(SCENE, tile_of("Kodak", (1, 2)))
@@ -66,6 +71,19 @@ def test_what_does_not_tell_a_tile_is_refused(
     assert outcome.code == 2
     assert words in outcome.errors[0]
     assert not list(out.glob("*"))
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_ends_it_while_it_waits_for_the_first_frame(out: Path, number: signal.Signals, code: int) -> None:
+    with start("capture", "-", "-o", out / "shots", *LAYOUT, stdin=subprocess.PIPE) as process:
+        assert process.stdin
+        process.stdin.write("a part of a frame")
+        process.stdin.flush()
+        while fcntl.ioctl(process.stdin, termios.FIONREAD, b"    ") != bytes(4):  # until the pipe has been read from
+            time.sleep(0.02)
+        process.send_signal(number)
+        assert process.wait(60) == code
+    assert not list(out.iterdir())
 
 
 def test_a_simulated_sensor_has_the_pattern_that_is_chosen(out: Path) -> None:

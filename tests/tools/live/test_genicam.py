@@ -6,14 +6,17 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shared import CfaPattern, read_dng
+from shared import CaptureMetadata, CfaPattern, read_dng
+from shared.dng import decode_preview
 from shared.errors import InputError
 from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
@@ -140,6 +143,31 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
 
 
 @needs_camera
+def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Path) -> None:
+    """It would go on sending to the one that was killed, had the next one not told it to stop."""
+    camera = plug()
+    first = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
+    assert first.stdout
+    assert ".dng" in first.stdout.readline()
+    first.kill()
+    first.communicate()
+    while "another program has the camera" in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err:
+        time.sleep(0.2)
+    assert outcome.code == 0, outcome.err
+
+
+@needs_camera
+def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
+    process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
+    assert process.stderr
+    told = "".join(process.stderr.readline() for _ in range(3))
+    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in told
+    process.send_signal(signal.SIGTERM)
+    assert process.communicate(timeout=60)[1] == "0 saved, 0 dropped\n"
+    assert process.returncode == 0
+
+
+@needs_camera
 def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
     camera = plug()
     listed = capture(camera, source="genicam:")
@@ -147,6 +175,7 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
     assert listed.out == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
     for wrong, words in (
         (["--pixel-format", "RGB8"], "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12"),
+        (["--gain", "-3"], "--gain is -3; the camera takes 0 to 48"),
         (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
         (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
     ):
@@ -156,6 +185,36 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
     outcome = capture(camera, "-o", out, source="genicam:another")
     assert outcome.code == 2
     assert "'another' not found; genicam: alone lists the cameras" in outcome.err
+
+
+@needs_camera
+def test_the_same_frames_from_every_source_become_the_same_bytes(plug: Plug, tmp_path: Path) -> None:
+    """Only the time differs, and what the camera says of itself."""
+    frame, layout = pack(codes(), "u16"), ["--width", "256", "--height", "192", "--pixel-format", "Mono12", *TILE]
+    (tmp_path / "stream").write_bytes(frame * 3)
+    (tmp_path / "frames").mkdir()
+    for number in range(3):
+        (tmp_path / "frames" / f"{number}.raw").write_bytes(frame)
+    folders = [tmp_path / name for name in ("camera", "folder", "piped")]
+    burst = ["--burst", "3", "-o"]
+    assert capture(plug(), *TILE, *burst, folders[0]).code == 0
+    assert spawn("capture", tmp_path / "frames", *layout, *burst, folders[1]).code == 0
+    with (tmp_path / "stream").open("rb") as stream:
+        assert spawn("capture", "-", *layout, *burst, folders[2], stdin=stream).code == 0
+    made: list[list[bytes]] = []
+    for folder in folders:
+        pictures = tmp_path / f"{folder.name}-pictures"
+        assert run("render", folder, "-o", pictures, "-f", "npy").code == 0
+        assert run("burst", folder, "-o", pictures, "-f", "npy").code == 0
+        mosaics = [read_dng(path) for path in shots(folder)]
+        told = {replace(mosaic.metadata, taken=None) for mosaic in mosaics}
+        assert len(told) == 1
+        assert (told == {CaptureMetadata()}) == (folder is not folders[0])
+        shown = [mosaic.codes.tobytes() + repr((mosaic.pattern, mosaic.calibration)).encode() for mosaic in mosaics]
+        previews = [decode_preview(path.read_bytes()) for path in shots(folder)]
+        made.append([*shown, *previews, *(path.read_bytes() for path in sorted(pictures.glob("*.npy")))])
+    assert len(made[0]) == 3 + 3 + 4
+    assert made[0] == made[1] == made[2]
 
 
 @needs_camera
