@@ -10,6 +10,7 @@ blue a mosaic does not tell: a picture of something known does.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations, product
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import BoolArray, CodeArray, DoubleArray
+from shared.errors import InputError
 from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
 from shared.tiles import TILES, name_of, place_of
 
@@ -44,7 +46,9 @@ _SURE = 4.0  # standard errors by which the colours of a tile without panchromat
 _DOUBT = 1.0  # standard errors from which on sites may have different colours
 _BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
 _APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
-_DENSE_APART = 10.0  # of tiles without panchromatic sites: 30 times and more; 5 where cyan and magenta are taken for one colour
+_DENSE_APART = (
+    40.0  # of tiles without panchromatic sites: 61 times and more; at most 25 where two of four filters are taken for one
+)
 _UNLIKE = 0.005  # of the energy between the brightest sites and others: different filters have 0.015 and more, the same 0.002
 _COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
 _MORE_COLOURS = "CDEFHIJK"
@@ -80,11 +84,15 @@ class Identity:
     @property
     def pattern(self) -> CfaPattern | None:
         """The pattern, if all its letters are known and the tile has a name and panchromatic pixels; otherwise None."""
-        letters = "/".join(self.tile)
-        if self.name in ("", *DENSE) or UNKNOWN in letters:
-            return None
-        name, origin = place_of(self.tile)
-        return CfaPattern.of_letters(name or letters, origin)
+        return pattern_of(self.tile) if self.name else None
+
+
+def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
+    """The pattern with these letters from the first pixel on; None if one is unknown, or if Panchroma cannot use the tile."""
+    name, origin = place_of(tuple(tile))
+    with suppress(InputError):
+        return CfaPattern.of_letters(name or "/".join(tile), origin)
+    return None
 
 
 def identify(codes: CodeArray) -> Identity | None:
@@ -93,8 +101,8 @@ def identify(codes: CodeArray) -> Identity | None:
     codes: (H, W), of any size and with any black and white level. Colours show in a scene that has several; the larger the period,
         the larger the frame has to be.
 
-    The brightest sites are taken for panchromatic if they read the same, unless the tile is one of DENSE. Of tiles with the same
-    panchromatic sites the colours decide; where they do not, they are "?".
+    The brightest sites are taken for panchromatic if they read the same, and in a tile without a name a sum of the others, unless
+    the tile is one of DENSE. Of tiles with the same panchromatic sites the colours decide; where they do not, they are "?".
 
     >>> import numpy as np
     >>> from device.capture import identify
@@ -113,6 +121,8 @@ def identify(codes: CodeArray) -> Identity | None:
     alike = _are_alike(quarters, _bright(light).ravel())
     open_tile = np.full(light.shape, UNKNOWN), 0.0
     name, letters, separation = _named(folds, light, alike) or ("", *(_kinds(quarters, light) if alike else open_tile))
+    if not name and separation and not _is_sum(folds.levels(period), letters.ravel()):
+        letters, separation = open_tile
     times = len(letters) // period
     return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
 
@@ -125,7 +135,14 @@ class _Folds:
 
     def __init__(self, codes: CodeArray) -> None:
         self.periods = [each for each in _PERIODS if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW]
-        self._flat = cache(lambda side, window: Tiles.of(codes, side, _PARTS).flattened(window))
+        self._parts = cache(lambda side: Tiles.of(codes, side, _PARTS))
+        self._flat = cache(lambda side, window: self._parts(side).flattened(window))
+
+    def levels(self, period: int) -> DoubleArray:
+        """Mean of each part at each place of a tile, codes: (parts, K K)."""
+        tiles = self._parts(self._side(period))
+        levels: DoubleArray = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
+        return levels.reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
         """Means of each part's four quarters at each place of a tile, less the mean of all places: (parts, 4, K K).
@@ -222,6 +239,16 @@ def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
     within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
     beside = _energy(quarters[..., bright].mean(axis=2, keepdims=True) - quarters[..., ~bright].mean(axis=2, keepdims=True))
     return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
+
+
+def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
+    """Whether panchromatic sites see the sum of the others: from part to part they read more, the more there is of each colour.
+
+    Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta and green.
+    """
+    kinds = [levels[:, letters == letter].mean(axis=1) for letter in (PANCHROMATIC, *_colours(letters))]
+    clear, *colours = (kind - kind.mean() for kind in kinds)
+    return bool((np.linalg.lstsq(np.stack(colours, axis=1), clear)[0] > 0).all())
 
 
 def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:

@@ -82,7 +82,7 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     sites, clear = facts["period"] ** 2, len(facts["panchromatic"])
     gap = f"{clear} of {sites} sites; the next are {100 * facts['gap']:.0f} % of the range darker" if clear else "no site"
     if not clear and facts["open"]:
-        gap = "not known: the brightest sites do not read the same"
+        gap = "not known: the brightest sites do not read the same, or not the sum of the others"
     rows = [
         ("size", f"{facts['width']} x {facts['height']} pixels"),
         ("period", f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance"),
@@ -96,10 +96,14 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     if len({*facts["letters"]}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
     if facts["open"]:
-        rows.append(("not known", "the colours (?), and perhaps the period: take a picture with more colour or light"))
+        open_facts = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        rows.append(("not known", f"{open_facts}: take a picture with more colour or light"))
     elif facts["name"] == "Bayer":
         rows.append(
-            ("not known", "which colour is red, which is blue, and whether the two sites that read the same are green or clear")
+            (
+                "not known",
+                "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow",
+            )
         )
     elif facts["exchangeable"]:
         rows.append(("not known", "which of the colours with equally many sites is which: a picture of something red shows it"))

@@ -3,7 +3,6 @@
 import os
 import sys
 from collections import Counter
-from contextlib import suppress
 from itertools import permutations
 from typing import Any
 
@@ -11,13 +10,11 @@ import numpy as np
 
 from device.capture import identify
 from device.capture.frames import read_frames
-from device.capture.identification import DENSE, UNKNOWN
-from shared import CfaPattern
+from device.capture.identification import DENSE, UNKNOWN, pattern_of
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.pattern import PANCHROMATIC
 from shared.reading import opened_file
-from shared.tiles import place_of
 
 from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 
@@ -39,9 +36,7 @@ def first_frame(given: SourceOptions) -> CodeArray:
         with standard_input() as stream:
             return layout.unpack(next(read_frames(stream, layout)).data)
     with opened_file(given.source, sys.maxsize, "a raw frame") as file:
-        length = file.seek(0, os.SEEK_END)
-        if length % layout.frame_bytes and (likely := layout.likely(length)):
-            raise InputError(f"{length} bytes are no whole number of frames: {layout.size}; likely {likely}")
+        layout.check_recording(file.seek(0, os.SEEK_END))
         file.seek(0)
         return layout.unpack(file.read(layout.frame_bytes))
 
@@ -85,11 +80,6 @@ def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 def _described(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
-    """Name, or letters, and origin of the pattern with these letters from the first pixel on; None if Panchroma cannot use it."""
-    if any(UNKNOWN in row for row in tile):
-        return None
-    with suppress(InputError):
-        pattern = CfaPattern.of_letters("/".join(tile))
-        name, origin = place_of(pattern.tile)
-        return name.casefold() or "/".join(pattern.tile), origin
-    return None
+    """Name, or letters, and origin of `pattern_of` a tile."""
+    pattern = pattern_of(tile)
+    return (pattern.name.casefold() or "/".join(pattern.tile), pattern.origin) if pattern else None

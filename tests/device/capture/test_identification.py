@@ -103,6 +103,16 @@ def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letter
     assert identity.tile == tuple(UNKNOWN * identity.period for _ in range(identity.period))
 
 
+@pytest.mark.parametrize("letters", ["CY/GM", "GMGM/CYCY/MGMG/CYCY"])
+@pytest.mark.parametrize("name", ["", "linear/intel_tau_001.png", "linear/intel_tau_015.png"])
+def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str) -> None:
+    """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
+    red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
+    identity = found(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
+    assert (identity.name, identity.separation, identity.pattern) == ("", 0.0, None)
+    assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
+
+
 @pytest.mark.parametrize(("name", "sigma"), [("linear/intel_tau_003.png", 0.01), ("linear/intel_tau_012.png", 0.03)])
 def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) -> None:
     """What they do not show is left open: colours of the largest tiles."""

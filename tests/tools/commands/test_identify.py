@@ -72,7 +72,7 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
     assert "go on         --pattern sony --origin" in sony
     assert "panchromatic  no site" in bayer
     assert "Bayer sensors are developed by other raw developers" in bayer
-    assert "the colours (?), and perhaps the period: take a picture with more colour or light" in grey
+    assert "the colours (?), and perhaps the period, and whether the brightest sites are clear: take a picture" in grey
     assert "go on" not in grey
 
 
