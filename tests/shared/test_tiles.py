@@ -20,13 +20,24 @@ def test_a_name_is_as_good_as_letters(name: str) -> None:
     assert name_of(pattern.letters_from((1, 1))) == name  # as a file written elsewhere may have it
 
 
-@pytest.mark.parametrize("first", ["WBWG", "WGWB", "WGWR", "WRWG"])
-def test_genicams_sparse_colour_filter_is_kodaks_tile(first: str) -> None:
-    """Moved by whole 2 x 2 squares, so that W stays on the same diagonal."""
+@pytest.mark.parametrize(
+    ("first", "green", "blue", "red"),
+    [
+        ("WBWG", (4, 7, 10, 13), (2, 5), (12, 15)),
+        ("WGWB", (2, 5, 12, 15), (4, 7), (10, 13)),
+        ("WRWG", (4, 7, 10, 13), (12, 15), (2, 5)),
+        ("WGWR", (2, 5, 12, 15), (10, 13), (4, 7)),
+    ],
+)
+def test_genicams_sparse_colour_filter_is_kodaks_tile(
+    first: str, green: tuple[int, ...], blue: tuple[int, ...], red: tuple[int, ...]
+) -> None:
+    """Cells of the 4 x 4 tile, counted from 1 row by row, as PFNC 2.4, section 3.1.9, has them; all others are panchromatic."""
+    letters = dict.fromkeys(green, "G") | dict.fromkeys(blue, "B") | dict.fromkeys(red, "R")
+    cells = "".join(letters.get(cell, "W") for cell in range(1, 17))
     pattern = read_pattern(f"SCF1{first}")
     assert pattern == CfaPattern.of_letters(f"scf1{first}")
-    assert (pattern.name, pattern.tile[0]) == ("Kodak", first)
-    assert all(pattern.tile[row][column] == "W" for row in range(4) for column in range(4) if (row + column) % 2 == 0)
+    assert (pattern.name, pattern.tile[0], "".join(pattern.tile)) == ("Kodak", first, cells)
 
 
 def test_the_papers_blocks_are_named_by_their_period() -> None:
