@@ -41,6 +41,8 @@ from tools.scenes.load import ENDINGS, is_drawn, load_scene
 
 from .options import add, add_protocol, camera_of, count, numbers, protocol_of
 
+RAW = "raw"
+"""Layout of a frame of samples alone."""
 _MEASURED = PictureKind("tif", 32, "camera")
 
 
@@ -58,9 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(sensor, "sensor-bits", usual=DEFAULT_BITS)
     sensor.add_argument(
         "--layout",
-        choices=("auto", "cfa", "linear"),
+        choices=("auto", "cfa", "linear", RAW),
         default="auto",
-        help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer",
+        help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer; raw: no "
+        "DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
     )
     light = parser.add_argument_group("light and noise")
     add_protocol(light)
@@ -108,12 +111,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
     previews = Previews()
+    ending = "raw" if arguments.layout == RAW else "dng"
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
         beside = [f"{stem}{TRUTH}", *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
-        return [*(f"{shot}.dng" for shot in shots), *beside]
+        return [*(f"{shot}.{ending}" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
@@ -130,7 +134,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             exposed = camera.shoot(scene, random(shot), frame)
             mosaic = exposed.mosaic
             job.make_folders()
-            write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
+            if arguments.layout == RAW:
+                write_durably(shot, mosaic.codes.astype("<u2").tobytes(), overwrite=arguments.overwrite)
+            else:
+                write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             if not taken and beside:
                 development = Development(_MEASURED, mosaic.shape, mosaic.calibration, mosaic.metadata)
                 write_picture(beside[0], [exposed.truth], development, overwrite=arguments.overwrite)
