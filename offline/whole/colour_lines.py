@@ -33,6 +33,7 @@ _CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a s
 _DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity (0.4)
 _OWN, _ESTIMATED = 1.3, 0.8  # chi-squares of samples, and of estimated blocks, that count by half (3.9, 1.4)
 _STEEPNESS = 6  # their power (0.6)
+_UNTOLD = 0.3  # more of the latter where samples tell nothing: some noise is left in estimates; with 0.4, photographs lose at 0.01
 _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black print has twice the tint
 _RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples: 3.26 are expected (0.2)
 _DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line (0.0)
@@ -70,7 +71,8 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     by_samples, weight, by_estimates, total = smoothed(planes, _WIDTH)
     told = (weight / total) ** 2
     deviation = by_samples / np.maximum(weight, np.float32(_TINY))
-    share = np.maximum(_believed(deviation, _OWN) * told, _believed(by_estimates / total, _ESTIMATED))
+    limit = _ESTIMATED * (1 + np.float32(_UNTOLD) * (1 - told))
+    share = np.maximum(_believed(deviation, _OWN) * told, _believed(by_estimates / total, limit))
     return replace(lines, share=share * unclipped)
 
 
@@ -153,6 +155,6 @@ def _apart(colours: FloatArray) -> FloatArray:
     return np.square(colours - colours.mean(axis=0)).sum(axis=0)  # type: ignore[no-any-return]
 
 
-def _believed(chi: FloatArray, limit: float) -> FloatArray:
+def _believed(chi: FloatArray, limit: FloatArray | float) -> FloatArray:
     """1 where there is no deviation, one half at the limit."""
-    return 1 / (1 + np.maximum(chi / np.float32(limit), 0) ** _STEEPNESS)  # type: ignore[no-any-return]
+    return 1 / (1 + np.maximum(chi / limit, 0) ** _STEEPNESS)  # type: ignore[no-any-return]

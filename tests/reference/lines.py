@@ -84,10 +84,8 @@ def colour_lines(
     informed = (expected / (expected + (count - 1) * variance)) ** 2
     told = near @ informed
     chi = near @ (informed * own.clip(-constants._WORST, constants._WORST)) / told, near @ estimated.clip(None, constants._WORST)
-    shares = [
-        1 / (1 + (np.maximum(each, 0) / limit) ** 6)
-        for each, limit in zip(chi, (constants._OWN, constants._ESTIMATED), strict=True)
-    ]
+    limits = constants._OWN, constants._ESTIMATED * (1 + constants._UNTOLD * (1 - told**2))
+    shares = [1 / (1 + (np.maximum(each, 0) / limit) ** 6) for each, limit in zip(chi, limits, strict=True)]
     share = np.maximum(shares[0] * told**2, shares[1])
     return offset.reshape(*shape, count), slope.reshape(*shape, count), share.reshape(shape)
 
