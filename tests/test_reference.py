@@ -5,7 +5,6 @@ import pytest
 import pywt
 from scipy import ndimage, optimize
 from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import spsolve
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
@@ -13,7 +12,7 @@ from tests.reference import affinity, chromaticity, gaussian, geometry, luminanc
 from tests.reference.compare import assert_close
 
 ROUNDING = 1e-12  # float64 sums of at most a few hundred terms of size one
-SOLVED = 1e-9  # a residual of 1e-12 times the condition number of systems this small
+SOLVED = 1e-9  # the rounding of a direct solution times the condition number of systems this small
 SIZES = [(1, 7), (2, 3), (9, 16), (23, 18)]
 
 
@@ -56,7 +55,7 @@ def test_synthesis_undoes_analysis(random: np.random.Generator, shape: tuple[int
 
 
 def test_filters_are_a_tight_frame() -> None:
-    spectra = [np.abs(np.fft.fft2(kernel, (16, 16))) ** 2 for kernel in luminance.filters()]
+    spectra = [np.abs(np.fft.fft2(np.outer(*taps), (16, 16))) ** 2 for taps in luminance.filters()]
     assert_close(np.sum(spectra, axis=0), np.ones((16, 16)), ROUNDING)
 
 
@@ -155,18 +154,6 @@ def test_fields_are_harmonic_sum_to_one_and_stay_within_bounds(random: np.random
         assert np.abs((laplacian @ field)[free]).max() < SOLVED
         for place, index in pins.items():
             assert found[p, q][place] == ((index[0] % 2, index[1] % 2) == (p, q))
-
-
-def test_conjugate_gradients_reach_the_direct_solution(random: np.random.Generator) -> None:
-    pattern = CfaPattern.bayer(8)
-    area = affinity.domain(random.uniform(size=(17, 17)) ** 4, pattern)
-    neighbours = affinity.weights(area, 8, (0.5,))
-    fixed = {0: 1.0, area.size // 2: 0.0, area.size - 1: 0.5}
-    free = np.setdiff1d(np.arange(area.size), sorted(fixed))
-    laplacian = csr_array(diags_array(np.asarray(neighbours.sum(axis=1)).ravel()) - neighbours)
-    right = -(laplacian[free][:, sorted(fixed)] @ np.array([fixed[place] for place in sorted(fixed)]))
-    direct = np.asarray(spsolve(laplacian[free][:, free].tocsc(), right))
-    assert_close(affinity.harmonic(neighbours, fixed)[free], direct, SOLVED)
 
 
 def test_propagation_is_bilinear_in_blocks_and_convex(random: np.random.Generator) -> None:

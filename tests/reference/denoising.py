@@ -10,14 +10,8 @@ from scipy.ndimage import convolve
 from offline.settings import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
 
-Gains = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
-Variance = Callable[[float], float]
-
-
-def transformed(plane: DoubleArray, size: int) -> DoubleArray:
-    """DCT of every block: [row, column] is the one of the block whose top left pixel is there."""
-    blocks: DoubleArray = dctn(sliding_window_view(plane, (size, size)), axes=(2, 3), norm="ortho")
-    return blocks
+Gains = Callable[[DoubleArray, DoubleArray, DoubleArray], DoubleArray]
+Variance = Callable[[DoubleArray], DoubleArray]
 
 
 def aggregated(
@@ -30,17 +24,20 @@ def aggregated(
     """
     sums, weights = np.zeros_like(plane), np.zeros_like(plane)
     for size in sizes:
-        blocks, guides = transformed(plane, size), transformed(guide, size)
-        for row, column in np.ndindex(*blocks.shape[:2]):
-            if (first + row) % 2 or ((first + row) // 2 + first + column) % 2:
-                continue
-            noise = variance(float(guides[row, column, 0, 0]) / size)
-            gain = gains(blocks[row, column], guides[row, column], noise)
-            gain[0, 0] = 1.0
-            weight = (size**2 / (gain**2).sum()) ** 1.5 / noise
+        rows, columns = np.indices((plane.shape[0] - size + 1, plane.shape[1] - size + 1)) + first
+        chosen = (rows % 2 == 0) & ((rows // 2 + columns) % 2 == 0)
+        blocks, guides = (
+            dctn(sliding_window_view(each, (size, size))[chosen], axes=(1, 2), norm="ortho") for each in (plane, guide)
+        )
+        noise = variance(guides[:, :1, :1] / size)
+        gain = gains(blocks, guides, noise)
+        gain[:, 0, 0] = 1.0
+        weight = (size**2 / (gain**2).sum(axis=(1, 2), keepdims=True)) ** 1.5 / noise
+        denoised = weight * idctn(gain * blocks, axes=(1, 2), norm="ortho")
+        for row, column, block, heavy in zip(*np.nonzero(chosen), denoised, weight, strict=True):
             window = slice(row, row + size), slice(column, column + size)
-            sums[window] += weight * idctn(gain * blocks[row, column], norm="ortho")
-            weights[window] += weight
+            sums[window] += block
+            weights[window] += heavy
     return sums / np.where(weights == 0, 1, weights)  # none covers some pixels at the edge, which the margin hides
 
 
@@ -51,8 +48,8 @@ def denoise(
     margin = 2 * max(sizes)  # more than both passes see
     plane, doubtful = np.pad(noisy, margin, mode="reflect"), np.pad(uncertain, margin, mode="reflect")
 
-    def variance(mean: float) -> float:
-        return shot * max(mean, 0.0) + read**2
+    def variance(mean: DoubleArray) -> DoubleArray:
+        return shot * np.maximum(mean, 0.0) + read**2
 
     first = aggregated(
         plane, plane, -margin, sizes, variance, lambda block, _, noise: np.where(block**2 < threshold**2 * noise, 0.0, 1.0)

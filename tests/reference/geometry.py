@@ -3,6 +3,7 @@
 Coordinates are frame pixels and may be negative or past the frame, where the picture is its own mirror image.
 """
 
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ def letter(pattern: CfaPattern, row: int, column: int) -> str:
     return pattern.tile[(row - pattern.origin[0]) % pattern.period][(column - pattern.origin[1]) % pattern.period]
 
 
+@cache
 def mirrored(index: int, size: int) -> int:
     """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either end."""
     place, step = 0, 1
@@ -36,6 +38,7 @@ def mirrored(index: int, size: int) -> int:
     return place if index >= 0 else mirrored(-index, size)
 
 
+@cache
 def block(pattern: CfaPattern) -> Block:
     """The smallest rectangle with all sites of a tile, by trying all; the tile itself if its sites do not form one small block."""
     period = pattern.period
@@ -63,6 +66,7 @@ def _is_connected(sites: set[tuple[int, int]], period: int) -> bool:
     return reached == sites
 
 
+@cache
 def first_patch(pattern: CfaPattern) -> tuple[int, int]:
     """The pixel, at or before (0, 0), where the first K x K patch begins: in the middle of a block."""
     found = block(pattern)
@@ -74,6 +78,7 @@ def first_patch(pattern: CfaPattern) -> tuple[int, int]:
     return row, column
 
 
+@cache
 def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]:
     """How many patches, down and across, it takes to cover the frame."""
     row, column = first_patch(pattern)
@@ -91,6 +96,7 @@ def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]
     return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[1] * pattern.period
 
 
+@cache
 def block_sites(pattern: CfaPattern, index: tuple[int, int]) -> list[tuple[int, int, str]]:
     """(row, column, letter) of the colour sites of one block."""
     found, (top, left) = block(pattern), block_corner(pattern, index)
@@ -98,6 +104,7 @@ def block_sites(pattern: CfaPattern, index: tuple[int, int]) -> list[tuple[int, 
     return [(row, column, letter(pattern, row, column)) for row, column in pixels if letter(pattern, row, column) != "W"]
 
 
+@cache
 def is_whole(pattern: CfaPattern, shape: tuple[int, int], index: tuple[int, int]) -> bool:
     """Whether the block's rectangle lies inside the frame."""
     found, (top, left) = block(pattern), block_corner(pattern, index)

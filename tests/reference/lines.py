@@ -1,5 +1,7 @@
 """Colour lines, block by block in float64: weighted least squares around each block, and what one is believed."""
 
+from functools import cache
+
 import numpy as np
 
 from offline.measured import EVEN
@@ -31,8 +33,7 @@ def colour_lines(
     light = (at_sites(luminance, blocks) @ means.T).reshape(-1, count)
     samples = at_sites(signal, blocks)
     seen = (samples @ means.T).reshape(-1, count) * weights
-    clear = [value for (y, x), value in np.ndenumerate(signal) if pattern.panchromatic_mask((1, 1), (y, x))[0, 0]]
-    level = float(np.mean(clear))
+    level = float(signal[pattern.panchromatic_mask((signal.shape[0], signal.shape[1]))].mean())
     mean = np.maximum(light.mean(axis=1), constants._DARK * level)
     span = np.array([np.ptp([signal[place] for place in ring_of(sites, pattern, signal.shape)]) for row in blocks for sites in row])
     variance = np.zeros(len(mean))
@@ -121,6 +122,7 @@ def _between(values: DoubleArray, place: DoubleArray) -> DoubleArray:
     return values
 
 
+@cache
 def _nearness(shape: tuple[int, int], width: float = constants._WIDTH) -> DoubleArray:
     """The weight of every block around every other, (blocks, blocks): the frame is mirrored."""
     blocks = shape[0] * shape[1]

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pywt
-from scipy.signal import convolve2d, correlate2d
 
 from offline.whole import luminance as constants
 from shared.arrays import BoolArray, DoubleArray
@@ -14,11 +13,18 @@ from tests.reference.gaussian import blur
 REACH = 4
 
 
-def filters() -> list[DoubleArray]:
-    """The four 4 x 4 decomposition filters f_i, the low-pass one first, scaled to sum_i |f_i|^2 = 1 at every frequency."""
+def filters() -> list[tuple[DoubleArray, DoubleArray]]:
+    """Taps down and across of the decomposition filters f_i, the low-pass one first; sum_i |f_i|^2 = 1 at every frequency."""
     wavelet = pywt.Wavelet("db2")
     low, high = np.array(wavelet.dec_lo) / math.sqrt(2), np.array(wavelet.dec_hi) / math.sqrt(2)
-    return [np.outer(down, across) for down in (low, high) for across in (low, high)]
+    return [(down, across) for down in (low, high) for across in (low, high)]
+
+
+def convolved(picture: DoubleArray, down: DoubleArray, across: DoubleArray) -> DoubleArray:
+    """The picture convolved with a separable filter, where that reads no pixel beyond the picture."""
+    height, width = picture.shape[0] - len(down) + 1, picture.shape[1] - len(across) + 1
+    columns = sum((tap * picture[k : k + height] for k, tap in enumerate(down[::-1])), np.zeros((height, picture.shape[1])))
+    return sum((tap * columns[:, k : k + width] for k, tap in enumerate(across[::-1])), np.zeros((height, width)))
 
 
 def start(signal: DoubleArray, measured: BoolArray, sites: int) -> DoubleArray:
@@ -42,29 +48,25 @@ def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = F
 def analyse(picture: DoubleArray) -> list[DoubleArray]:
     """omega_i = f_i * l on the mirrored picture; one row and column wider than synthesis needs, for the box of Eq. 5."""
     wide = np.pad(picture, REACH, mode="reflect")
-    return [convolve2d(wide, kernel, mode="valid") for kernel in filters()]
+    return [convolved(wide, *taps) for taps in filters()]
 
 
 def neighbourhood(band: DoubleArray) -> DoubleArray:
     """[(k * omega^2)[n]]^(1/2) of Eq. 2; k is a 3 x 3 box of ones."""
-    return np.sqrt(convolve2d(band**2, np.ones((3, 3)), mode="valid"))
+    return np.sqrt(convolved(band**2, np.ones(3), np.ones(3)))
 
 
 def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
     """Shrink a band by Eq. 5; a coefficient without any energy around it is zero and stays zero."""
     size = neighbourhood(band)
-    factor = np.zeros_like(size)
-    for place in zip(*np.nonzero(size), strict=True):
-        factor[place] = max(0.0, size[place] - threshold) / size[place]
+    factor = np.divide(np.maximum(size - threshold, 0), size, out=np.zeros_like(size), where=size > 0)
     return factor * band[1:-1, 1:-1]
 
 
 def synthesise(bands: list[DoubleArray]) -> DoubleArray:
     """The transpose of the analysis, which inverts it because the frame is tight."""
-    picture: DoubleArray = np.sum(
-        [correlate2d(band, kernel, mode="valid") for band, kernel in zip(bands, filters(), strict=True)], axis=0
-    )
-    return picture
+    parts = [convolved(band, down[::-1], across[::-1]) for band, (down, across) in zip(bands, filters(), strict=True)]
+    return np.sum(parts, axis=0)  # type: ignore[no-any-return]
 
 
 def objective(picture: DoubleArray) -> float:

@@ -1,6 +1,7 @@
 """Errors at the colour sites, block by block, from the normal equations of the Gaussian model that `offline.sites` describes."""
 
 import math
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.reference.geometry import block_sites, is_whole, patch_counts
 from tests.reference.pooling import curvature
 
 
+@cache
 def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[list[tuple[int, int, str]]]]:
     """The sites of every whole block, (rows, columns, S) of (row, column, letter)."""
     down, across = patch_counts(pattern, shape)
