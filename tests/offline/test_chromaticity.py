@@ -90,9 +90,9 @@ def test_equals_the_reference(
 
 
 @pytest.mark.parametrize(
-    "settings", [PAPER, NO_MEDIANS, ChromaticitySettings(9), RETURNING], ids=["paper", "no medians", "9 taps", "detail returned"]
+    ("settings", "block"),
+    [(each, ("RG", "GB")) for each in (PAPER, NO_MEDIANS, ChromaticitySettings(9), RETURNING)] + [(RETURNING, ("RGB", "XWY"))],
 )
-@pytest.mark.parametrize("block", [("RG", "GB"), ("RGB", "XWY")], ids="".join)
 def test_equals_the_reference_on_a_large_coarse_image(settings: ChromaticitySettings, block: tuple[str, ...]) -> None:
     """Enough blocks that the medians go round many times."""
     mosaic = shot(CfaPattern.with_block(block, 4, (3, 1)), (63, 70), 0.1)

@@ -53,14 +53,14 @@ def estimate(
 
 def proposals(coarse: DoubleArray, row: int, column: int, taps: int) -> list[DoubleArray]:
     """The four 1-D medians through one block, channel by channel."""
-    height, width, channels = coarse.shape
+    height, width, _ = coarse.shape
     medians = []
     for down, right in ORIENTATIONS:
         line = [
             coarse[mirrored(row + step * down, height), mirrored(column + step * right, width)]
             for step in range(-(taps // 2), taps // 2 + 1)
         ]
-        medians.append(np.array([sorted(float(value[channel]) for value in line)[taps // 2] for channel in range(channels)]))
+        medians.append(np.sort(line, axis=0)[taps // 2])
     return medians
 
 
@@ -130,11 +130,11 @@ def give_back(
 def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:
     """Chromaticities of all blocks of the grid: a block that is not whole takes those of the nearest whole one."""
     down, across = patch_counts(pattern, shape)
-    indices = [(i, j) for i in range(down + 1) for j in range(across + 1)]
-    whole = [index for index in indices if is_whole(pattern, shape, index)]
-    values = dict(zip(whole, coarse.reshape(-1, coarse.shape[-1]), strict=True))
-    result = np.empty((down + 1, across + 1, coarse.shape[-1]))
-    for i, j in indices:
-        nearest = min(whole, key=lambda index: (index[0] - i) ** 2 + (index[1] - j) ** 2)
-        result[i, j] = values[nearest]
+    whole = np.array([[is_whole(pattern, shape, (i, j)) for j in range(across + 1)] for i in range(down + 1)])
+    rows, columns = (np.flatnonzero(whole.any(axis=axis)) for axis in (1, 0))  # whole blocks fill a rectangle
+    nearest = (
+        np.arange(down + 1).clip(rows[0], rows[-1]) - rows[0],
+        np.arange(across + 1).clip(columns[0], columns[-1]) - columns[0],
+    )
+    result: DoubleArray = coarse[np.ix_(*nearest)]
     return result
