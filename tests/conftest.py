@@ -1,6 +1,9 @@
-"""For all tests: signals do what they do in a terminal, and a disk can be full.
+"""For all tests: signals do what they do in a terminal, a disk can be full, and libraries compute in one thread.
 
 A shell that runs the tests in the background has them ignore SIGINT, nohup SIGHUP, and their children too.
+
+NumPy's OpenBLAS otherwise has a thread per processor, which take turns in waiting, at full speed, for each other: with a test on
+every processor a small fit takes 25 times as long.
 """
 
 import errno
@@ -13,6 +16,7 @@ import pytest
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.fixture
