@@ -8,6 +8,7 @@ every processor a small fit takes 25 times as long.
 
 import errno
 import itertools
+import multiprocessing
 import os
 import signal
 from collections.abc import Callable
@@ -17,6 +18,43 @@ import pytest
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let pytest-xdist hand out files in the order of their names: those with few tests, which it puts last, take longest."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the one test that takes a minute."""
+    items.sort(key=lambda item: item.path.name != "test_types.py")
+
+
+@pytest.fixture(scope="session")
+def compiled() -> None:
+    """All kernels are compiled, side by side, before the first test would compile them one by one.
+
+    Where tests run in several processes, the second begins at the other end: each finds on the disk what the other has compiled.
+    A process that has compiled kernels has to render the bytes that all others render, which load them. No later test could tell.
+    """
+    from offline import available_threads, compile_kernel, kernels_to_compile
+    from tests.golden import render as golden
+
+    if names := kernels_to_compile():
+        if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+            names.reverse()
+        count = max(1, available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+        with multiprocessing.get_context("spawn").Pool(count) as pool:
+            pool.map(compile_kernel, names, 1)
+            made = [each.get().digests for each in [pool.apply_async(golden.now) for _ in range(count)]]
+        assert all(each == golden.now().digests for each in made), "who compiles kernels renders other bytes than who loads them"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_first(request: pytest.FixtureRequest) -> None:
+    """Where all tests run, some of any room render, in several processes at once."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        request.getfixturevalue("compiled")
 
 
 @pytest.fixture

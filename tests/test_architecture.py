@@ -9,6 +9,7 @@ import re
 import sys
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 
 import pytest
@@ -57,17 +58,22 @@ ONLY_IN = {
 }
 
 
-def sources() -> Iterator[tuple[str, str]]:
+@cache
+def sources() -> list[tuple[str, str]]:
     """(dotted name, text) of every module of the four packages."""
-    for package in MAY_IMPORT:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            parts = path.relative_to(ROOT).with_suffix("").parts
-            yield ".".join(parts), path.read_text(encoding="utf-8")
+    paths = [path.relative_to(ROOT) for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
+    return [(".".join(path.with_suffix("").parts), (ROOT / path).read_text(encoding="utf-8")) for path in paths]
+
+
+@cache
+def nodes(text: str) -> list[ast.AST]:
+    """The syntax tree of a module, every node of it."""
+    return list(ast.walk(ast.parse(text)))
 
 
 def imported(module: str, text: str) -> Iterator[str]:
     """The absolute dotted names of everything that a module imports, at any depth of its code."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         match node:
             case ast.Import(names=names):
                 yield from (name.name for name in names)
@@ -128,7 +134,7 @@ def test_the_house_can_be_drawn_on_a_page() -> None:
 
 def code_lines(text: str) -> set[int]:
     """The numbers of the lines with code: neither docstrings nor comments, nor blank."""
-    texts = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+    texts = (node for node in nodes(text) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
     documented = {line for node in texts for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)}
     blank = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
     tokens = (token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in blank)
@@ -137,19 +143,20 @@ def code_lines(text: str) -> set[int]:
 
 def long_parts(module: str, text: str) -> list[str]:
     """A line for each function of more than 60 lines of code, and for a module of more than 350 lines."""
-    code = code_lines(text)
     found = [f"{module} has {len(text.splitlines())} lines"] if len(text.splitlines()) > LONGEST_MODULE else []
-    functions = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef))
-    lengths = {each.name: len(code.intersection(range(each.lineno, (each.end_lineno or 0) + 1))) for each in functions}
+    functions = (
+        (node.name, range(node.lineno, (node.end_lineno or 0) + 1)) for node in nodes(text) if isinstance(node, ast.FunctionDef)
+    )
+    long = [(name, lines) for name, lines in functions if len(lines) > LONGEST_FUNCTION]
+    lengths = {name: len(code_lines(text).intersection(lines)) for name, lines in long}
     return [*found, *(f"{module}.{name}" for name, length in lengths.items() if length > LONGEST_FUNCTION)]
 
 
 def texts(text: str) -> Iterator[str]:
     """The texts of a module that users may read: no docstrings; {} in place of what is filled in."""
-    tree = ast.parse(text)
-    no_text = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-    no_text |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    no_text = {id(part) for node in nodes(text) if isinstance(node, ast.JoinedStr) for part in node.values}
+    no_text |= {id(node.value) for node in nodes(text) if isinstance(node, ast.Expr)}
+    for node in nodes(text):
         if isinstance(node, ast.JoinedStr):
             yield "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in no_text:
@@ -164,7 +171,11 @@ def foreign_words(module: str, text: str, options: dict[str, str]) -> list[str]:
     found = []
     for each in texts(text):
         plain = re.sub(r"`[^`]* [^`]*`|panchroma [a-z-]+ [^;:,()]*", "", each)
-        found += [f"{module} says {option}" for option in options.values() if re.search(rf"(?<![\w-]){option}(?![\w-])", plain)]
+        found += [
+            f"{module} says {option}"
+            for option in options.values()
+            if option in plain and re.search(rf"(?<![\w-]){option}(?![\w-])", plain)
+        ]
         found += [
             f"{module} says `{name}`" for name in re.findall(r"`(\w+)(?:=[^`]*)?`", each) if name not in options.keys() | DATA
         ]
