@@ -73,8 +73,10 @@ def harmonic(neighbours: csr_array, known: IndexArray, values: DoubleArray) -> D
     result = np.empty((size, values.shape[1]))
     result[known] = values
     # The matrix is symmetric and diagonally dominant, so no pivoting is needed.
-    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    result[free] = splu(csc_array(laplacian[free][:, free]), **options).solve(neighbours[free][:, known] @ values)
+    factors = splu(
+        csc_array(laplacian[free][:, free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    result[free] = factors.solve(neighbours[free][:, known] @ values)
     return result
 
 
