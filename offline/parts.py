@@ -136,7 +136,7 @@ def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Pa
     """
     held, done = None, 0
     for part in parts:
-        held = part if held is None else held.joined(part)
+        held = held.joined(part) if held is not None and held.end > held.first else part
         end = height if held.end == height else look.origin + (held.end - look.reach - look.origin) // look.step * look.step
         if end > done:
             yield held, (done, end)

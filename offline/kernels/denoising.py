@@ -21,7 +21,6 @@ from .pieces import tiles
 
 _ROWS, _COLUMNS = 256, 512  # of a window; chosen for speed
 _STEP = 2  # pixels from one block to the next, down and across; chosen: one takes four times as long
-_TOGETHER = 2  # rows of coefficients at a time, and frequencies of each parity: half of a size is a multiple of it
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-20)  # variance; sums of weights, which are up to 2000 times its inverse, stay finite
 
@@ -115,9 +114,9 @@ def _aggregate(
         size, transform = sizes[kind], transforms[kind]
         for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
             shift = ((first + row) // _STEP + area[2]) % _STEP
-            _down(samples, row, area, size, transform, forward)
+            _down(samples, row, size, transform, block[1], forward)
             if guided:
-                _down(pilot, row, area, size, transform, expected)
+                _down(pilot, row, size, transform, block[1], expected)
             for k in range(size):
                 backward[k] = _NONE
             light[:] = _NONE
@@ -138,47 +137,60 @@ def _aggregate(
                 for i in range(size):
                     place = _place(column + i, half)
                     store(light, place, load(light, place) + weight)
-            _up(backward, light, row, area, size, transform, planes)
+            _up(backward, light, row, size, transform, planes)
 
 
 @kernel
-def _down(plane: FloatArray, row: int, area: Area, size: int, transform: FloatArray, out: FloatArray) -> None:
+def _down(plane: FloatArray, row: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     half = size // 2
-    for column in range(0, plane.shape[1], WIDTH):
-        for k in range(0, size, 2):
-            even, odd = load(plane, (row, column)) * _NONE, load(plane, (row, column)) * _NONE
-            for i in range(half):
-                a, b = load(plane, (row + i, column)), load(plane, (row + size - 1 - i, column))
-                even += transform[k, i] * (a + b)
-                odd += transform[k + 1, i] * (a - b)
-            store(out, (k, column), even)
-            store(out, (k + 1, column), odd)
+    for column in range(0, plane.shape[1], 2 * WIDTH):
+        for i in range(half):
+            for side in range(2):
+                x = column + side * WIDTH
+                a, b = load(plane, (row + i, x)), load(plane, (row + size - 1 - i, x))
+                store(folded, (2 * i + side, 0), a + b)
+                store(folded, (size + 2 * i + side, 0), a - b)
+        for k in range(0, size, 4):
+            for odd in range(2):
+                a, b, c, d = _products(folded, size, transform, k + odd, odd * size)
+                store(out, (k + odd, column), a)
+                store(out, (k + odd + 2, column), b)
+                store(out, (k + odd, column + WIDTH), c)
+                store(out, (k + odd + 2, column + WIDTH), d)
+
+
+@kernel
+def _products(
+    folded: FloatArray, size: int, transform: FloatArray, frequency: int, first: int
+) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """Two frequencies, the second one two above the first, of two vectors side by side in `folded` from row `first` on.
+
+    The sums of more do not fit in the registers of AVX2.
+    """
+    a = b = c = d = load(folded, (0, 0)) * _NONE
+    for i in range(size // 2):
+        one, other = load(folded, (first + 2 * i, 0)), load(folded, (first + 2 * i + 1, 0))
+        a, b = a + transform[frequency, i] * one, b + transform[frequency + 2, i] * one
+        c, d = c + transform[frequency, i] * other, d + transform[frequency + 2, i] * other
+    return a, b, c, d
 
 
 @kernel
 def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
-    """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency].
-
-    Two rows by two frequencies at a time: the sums of more do not fit in the registers of AVX2.
-    """
+    """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
     half, apart = size // 2, halves.shape[1] // _STEP
-    for k in range(0, size, _TOGETHER):
+    for k in range(0, size, 2):
         for i in range(half):
             left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
-            for row in range(_TOGETHER):
+            for row in range(2):
                 a, b = load(halves, (k + row, left)), load(halves, (k + row, right))
-                store(folded, (_TOGETHER * i + row, 0), a + b)
-                store(folded, (size + _TOGETHER * i + row, 0), a - b)
-        for first in range(0, size, 2 * _TOGETHER):
+                store(folded, (2 * i + row, 0), a + b)
+                store(folded, (size + 2 * i + row, 0), a - b)
+        for j in range(0, size, 4):
             for odd in range(2):
-                j, place = first + odd, k * size + first + odd
-                a = b = c = d = load(folded, (0, 0)) * _NONE
-                for i in range(half):
-                    upper = load(folded, (odd * size + _TOGETHER * i, 0))
-                    lower = load(folded, (odd * size + _TOGETHER * i + 1, 0))
-                    a, b = a + transform[j, i] * upper, b + transform[j + 2, i] * upper
-                    c, d = c + transform[j, i] * lower, d + transform[j + 2, i] * lower
+                place = k * size + j + odd
+                a, b, c, d = _products(folded, size, transform, j + odd, odd * size)
                 store(out, (place, 0), a)
                 store(out, (place + 2, 0), b)
                 store(out, (place + size, 0), c)
@@ -236,7 +248,7 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
     half, apart = size // 2, out.shape[1] // _STEP
     for i in range(half):
         left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
-        for k in range(0, size, _TOGETHER):
+        for k in range(0, size, 2):
             a = b = c = d = weight * _NONE
             for j in range(0, size, 2):
                 even, odd, place = transform[j, i], transform[j + 1, i], k * size + j
@@ -249,7 +261,7 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
 
 
 @kernel
-def _up(half: FloatArray, light: FloatArray, row: int, area: Area, size: int, transform: FloatArray, planes: FloatArray) -> None:
+def _up(half: FloatArray, light: FloatArray, row: int, size: int, transform: FloatArray, planes: FloatArray) -> None:
     """Add a row of blocks, transformed back vertically, to the picture: to the planes `sums` and `weights`."""
     sums, weights = planes[2], planes[3]
     for column in range(0, light.shape[0], WIDTH):
