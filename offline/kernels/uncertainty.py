@@ -47,7 +47,9 @@ def uncertainty(
     (count, height, width), across = shares.shape, blocks.shape[2]
     left, near = columns
     sums, line = np.empty((2, width + 2 * WIDE)), unset(across + 1)
+    # Loops over lines without gaps and without gathering are those that the compiler turns into vectors.
     level, wide, narrow, odd = unset(width), unset(width), unset(width), unset(2 * NARROW + 1, width)
+    apart, found = unset(width), unset(width)
     for row in range(pieces[0], pieces[1]):
         here = row + first
         top, end = max(here - NARROW, 0), min(here + NARROW + 1, height)
@@ -56,9 +58,10 @@ def uncertainty(
             noise, grain, moved, spread = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
             own = noise * grain / max(noise + grain, _LEAST)
             v = weights[0, 0] * noise + weights[0, 1] * (noise * spread / max(noise + spread, _LEAST)) + weights[0, 2] * own
-            if moved >= _NONE:
-                v += weights[0, 3] * spread + weights[0, 4] * grain + weights[0, 5] * moved
-            out[row, x, 0] = np.sqrt(v)
+            filled = weights[0, 3] * spread + weights[0, 4] * grain + weights[0, 5] * moved
+            found[x] = np.sqrt(v + (filled if moved >= _NONE else _NONE))
+        for x in range(width):
+            out[row, x, 0] = found[x]
         place = min(max(down + row * weights[2, 0], 0.0), blocks.shape[1] - 1.0)
         above = min(int(place), max(blocks.shape[1] - 2, 0))
         below, part = min(above + 1, blocks.shape[1] - 1), np.float32(place - above)
@@ -72,12 +75,16 @@ def uncertainty(
                     odd[y - top, x] = (shares[i, y, x] - grey[i]) * light[y, x]
             _spread(odd[: end - top], NARROW, sums, narrow)
             for x in range(width):
+                apart[x] = shares[i, here, x] - line[left[x]] - near[x] * (line[left[x] + 1] - line[left[x]])
+            for x in range(width):
                 bright = light[here, x]
-                apart = (shares[i, here, x] - line[left[x]] - near[x] * (line[left[x] + 1] - line[left[x]])) * bright
-                noise, spread = known[0, here, x], wide[x] * bright * bright
+                noise, spread, far = known[0, here, x], wide[x] * bright * bright, apart[x] * bright
                 v = weights[1, 0] * noise + weights[1, 1] * known[1, here, x] + weights[1, 2] * spread
-                v += weights[1, 3] * apart * apart + weights[1, 4] * narrow[x] + weights[1, 5] * np.sqrt(noise * spread)
-                out[row, x, 1 + i] = np.sqrt(v)
+                found[x] = np.sqrt(
+                    v + weights[1, 3] * far * far + weights[1, 4] * narrow[x] + weights[1, 5] * np.sqrt(noise * spread)
+                )
+            for x in range(width):
+                out[row, x, 1 + i] = found[x]
 
 
 @kernel
@@ -90,11 +97,15 @@ def _spread(plane: FloatArray, reach: int, sums: DoubleArray, out: FloatArray) -
             value = np.float64(plane[row, x])
             sums[0, x + reach] += value
             sums[1, x + reach] += value * value
+    total, squares = 0.0, 0.0
+    for x in range(2 * reach):
+        total += sums[0, x]
+        squares += sums[1, x]
     for x in range(width):
-        total, squares = 0.0, 0.0
-        for step in range(2 * reach + 1):
-            total += sums[0, x + step]
-            squares += sums[1, x + step]
-        number = rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1)
-        mean = total / number
-        out[x] = max(squares / number - mean * mean, 0.0)
+        total += sums[0, x + 2 * reach]
+        squares += sums[1, x + 2 * reach]
+        share = 1.0 / (rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1))
+        mean = total * share
+        out[x] = max(squares * share - mean * mean, 0.0)
+        total -= sums[0, x]
+        squares -= sums[1, x]

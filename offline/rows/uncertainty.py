@@ -111,6 +111,13 @@ def with_uncertainty(mosaic: Mosaic, stages: Stages, shares: FloatArray | None =
 
     shares: see `Uncertainty`.
     Raises InputError, when the stages are made, for settings that do not pool colour, such as those of the preset paper.
+
+    >>> import numpy as np
+    >>> from offline import render, row_stages, with_uncertainty
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> render(grey, stages=with_uncertainty(grey, row_stages)).uncertainty.shape
+    (30, 40, 4)
     """
     return lambda measured, settings, progress: [
         *stages(measured, settings, progress),
