@@ -1,7 +1,6 @@
 """The command line as such: help, exit codes, streams that fail, interrupts, names that are no text."""
 
 import errno
-import io
 import os
 import re
 import signal
@@ -18,7 +17,6 @@ from tests.data import ROOT
 from tests.tools.command import PROGRAM, assert_refused, names, results, run, spawn
 from tools import cli
 from tools.commands import inspect
-from tools.host.console import Console, one_line
 from tools.host.progress import LineProgress
 
 SHOT = "builtin-24x18.dng"
@@ -166,24 +164,6 @@ def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyP
     assert line.endswith(": odd")
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("two\nlines", "two lines"),
-        ("a\r\n\tb", "a b"),
-        ("\x1b[31mred\x9b", r"\x1b[31mred\x9b"),
-        ("bell\a, delete\x7f, nul\0", r"bell\x07, delete\x7f, nul\x00"),
-        ("a\u2028b\u2029c\x85d", "a b c d"),
-        ("gpj\u202e.exe\u2066 \ufeff\u200b", r"gpj\u202e.exe\u2066 \ufeff\u200b"),
-        ("no text: \udcff", r"no text: \udcff"),
-        ("two  blanks é 写真 \u00a0", "two  blanks é 写真 \u00a0"),
-        ("می\u200cخواهم", "می\u200cخواهم"),
-    ],
-)
-def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) -> None:
-    assert one_line(text) == line
-
-
 # --- interrupts -----------------------------------------------------------------------------------------------------------------
 
 
@@ -290,97 +270,7 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
         assert r"\udcff.dng" in outcome.out.splitlines()[0]
 
 
-@pytest.mark.parametrize("quiet", [False, True])
-@pytest.mark.parametrize("json", [False, True])
-def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
-    json: bool, quiet: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = Console(json=json, quiet=quiet)
-    out.say("a result")
-    out.note("a note")
-    out.record(source="x", ok=True)
-    with out.progress("x") as progress:
-        progress.stage("luminance", 1)
-    out.error("a fault")
-    shown = capsys.readouterr()
-    assert shown.out == ('{"source": "x", "ok": true}\n' if json else "a result\n")
-    said = shown.err.splitlines()
-    assert said.pop() == "panchroma: a fault"
-    assert [line.rpartition(" 0.")[0] or line for line in said] == (
-        [] if quiet else [*(["a result"] if json else []), "a note", "x: luminance"]
-    )
-
-
-def test_what_a_library_calls_an_argument_is_an_option_here(capsys: pytest.CaptureFixture[str]) -> None:
-    out = Console(json=True, options={"max_pixels": "--max-pixels", "overwrite": "--overwrite", "space": "--space"})
-    text = '9 pixels, `max_pixels` raises it; `overwrite=True`, not `space="camera"`, `origin=1`, `dask worker` nor `other`'
-    words = "9 pixels, --max-pixels raises it; --overwrite, not --space camera, `origin=1`, `dask worker` nor `other`"
-    for say in (out.say, out.note, out.error):
-        say(text)
-    out.record(error=text, source="`overwrite`")
-    shown = capsys.readouterr()
-    assert [line.removeprefix("panchroma: ") for line in shown.err.splitlines()] == [words] * 3
-    assert shown.out == f'{{"error": "{words}", "source": "`overwrite`"}}\n'
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Square brackets are markup to rich, unless it is told otherwise."""
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("COLUMNS", "100")
-    shown = Console()
-    with shown.progress("[/shot] [bold]x.dng") as progress:
-        progress.stage("luminance", 3)
-        progress.advance()
-        progress.advance(2)
-    shown.close()
-    assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
-
-
-def test_results_do_not_go_where_the_bar_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bar on the terminal, records into a file: both at the same time, each to its place."""
-    terminal, file = Terminal(), io.StringIO()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(sys, "stdout", file)
-    monkeypatch.setenv("TERM", "xterm")
-    shown = Console(json=True)
-    with shown.progress("render") as progress:
-        progress.stage("shots", 2)
-        shown.record(source="a.dng", ok=True)
-    shown.close()
-    assert file.getvalue() == '{"source": "a.dng", "ok": true}\n'
-    assert "a.dng" not in terminal.getvalue()
-
-
-def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
-    shown = Console()
-    with shown.progress("x.dng") as progress:
-        progress.stage("luminance", 3)
-        progress.advance(3)
-        progress.stage("writing", 1)
-    failing = shown.progress("y.dng")
-    failing.stage("luminance", 3)
-    failing.__exit__(ValueError, ValueError("odd"), None)
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance", "x.dng: writing"]
-
-
 # --- what is shown --------------------------------------------------------------------------------------------------------------
-
-
-def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    Console().say("one\ntwo", "three\x1b[2J")
-    Console(json=True).say("one\ntwo")
-    Console(json=True).record(name="\x7f\x1b\n\x9b\udcff")
-    shown = capsys.readouterr()
-    assert shown.out == 'one two\nthree\\x1b[2J\n{"name": "\\u007f\\u001b\\n\\u009b\\udcff"}\n'
-    assert shown.err == "one two\n"
 
 
 def test_wrong_arguments_are_shown_on_one_line() -> None:
