@@ -193,7 +193,7 @@ def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
     picture = shown.apply(shown.whitened(found.rgb, found.lost), -2)
     assert picture[:, 31:].min() > 0.98
-    assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.95
+    assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.9
     assert found.lost is not None
     assert not found.lost[:, :28].any()
 
