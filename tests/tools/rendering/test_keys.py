@@ -86,4 +86,5 @@ def test_the_walk_leaves_no_part_unchanged() -> None:
         return [whole, *(part for value in values if is_dataclass(value) for part in parts(value))]
 
     for part in parts(ORDERS[1]):
-        assert None not in [getattr(part, each.name) for each in fields(part)]
+        without = {each.name for each in fields(part) if getattr(part, each.name) is None}
+        assert without <= {"lights"}  # of which the matrix that stands here follows
