@@ -5,11 +5,6 @@ from __future__ import annotations  # help() then shows them as they are written
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tools.evaluation.design.judge import FastJudge, Light
-from tools.evaluation.design.proposals import Proposal
-from tools.evaluation.design.search import Judged, Limits, Search
-from tools.evaluation.page.page import tile_picture
-
 from .arguments import checked
 
 _DRAWN = 8
@@ -37,6 +32,8 @@ class Design:
         return f"<Design: {len(self.patterns)} tiles, the best {best}>"
 
     def _repr_html_(self) -> str:
+        from tools.evaluation.page.page import tile_picture
+
         drawn = "".join(
             f'<div style="width:120px">{tile_picture(pattern.split("/"))}'
             f"<small>{score:.2f} dB, light {light:.2f}<br>{pattern}</small></div>"
@@ -69,6 +66,10 @@ def design(
     >>> panchroma.design(sigma=0.01, sizes=[3], share=(0.6, 1), steps=0).patterns[0]
     'RGB/WWW/WWW'
     """
+    from tools.evaluation.design.judge import FastJudge, Light
+    from tools.evaluation.design.proposals import Proposal
+    from tools.evaluation.design.search import Judged, Limits, Search
+
     judge = FastJudge.of(channels, [Light.of_sigma(sigma)])
     search = Search(Judged(judge), Limits(channels, tuple(sizes), *share), {"worst": 1.0, "whole": 1.0}, steps, seed)
     found = [Proposal.of(search, judge, tile) for tile in search.run()]
