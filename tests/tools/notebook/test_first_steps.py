@@ -33,7 +33,7 @@ def test_every_cell_runs_and_shows_its_result(tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     shown = [type(value).__name__ for value in (run(cell, names) for cell in cells()) if hasattr(value, "_repr_png_")]
-    assert shown == ["Shot", "Picture", "Image", "Shot", "Picture"]
+    assert shown == ["Shot", "Picture", "Image", "Uncertainty", "Shot", "Picture"]
     assert {path.name for path in tmp_path.iterdir()} == {"leaves.dng", "leaves.tif"}
 
 
