@@ -156,7 +156,8 @@ def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, Do
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
         if np.square(model).sum() < _NOTHING:
             continue
-        here = [np.roll(means, (-row, -column), axis=(1, 2)) for row, column in np.argwhere(block)]
+        around = np.tile(means, (1, 2, 2))
+        here = [around[:, row : row + period, column : column + period] for row, column in np.argwhere(block)]
         contrast = np.sum(here, axis=0) / np.square(model).sum()
         contrasts.append(contrast.mean(axis=0))
         certainties.append(contrast.mean(axis=0) / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
