@@ -97,19 +97,24 @@ def _clearest(exhibits: Sequence[Exhibit], why: str) -> Exhibit | None:
     return max((each for each in exhibits if each.crop.why == why), key=lambda each: abs(_lead(each)), default=None)
 
 
+def _beside(exhibit: Exhibit) -> tuple[Rendered, Rendered]:
+    """Our best, and the rival that is best in this square."""
+    rivals = (each for each in exhibit.pictures[1:] if not each.ours)
+    return exhibit.pictures[exhibit.shown[1]], max(rivals, key=lambda each: each.psnr or 0.0)
+
+
 def _lead(exhibit: Exhibit) -> float:
-    """How much closer to the truth our best is than the best rival, dB."""
-    rival, ours = (exhibit.pictures[place].psnr or 0.0 for place in exhibit.shown)
-    return ours - rival
+    """How much closer to the truth our best is than that rival, dB."""
+    ours, rival = _beside(exhibit)
+    return (ours.psnr or 0.0) - (rival.psnr or 0.0)
 
 
 def _opened(exhibit: Exhibit) -> str:
     """Truth, our best and the best rival side by side."""
-    rival, ours = (exhibit.pictures[place] for place in exhibit.shown)
     pictures = "".join(
         f'<figure><img src="{_data(each)}" alt="{escape(each.name)}"><figcaption{css_class("ours" * each.ours)}>'
         f"{escape(each.caption)}</figcaption></figure>"
-        for each in (exhibit.pictures[0], ours, rival)
+        for each in (exhibit.pictures[0], *_beside(exhibit))
     )
     title = f"{capital(exhibit.crop.why)}: {exhibit.crop.scene.name}, {exhibit.crop.level.text}"
     return f"<div><h2>{escape(title)}</h2>{pictures}</div>"
