@@ -69,6 +69,14 @@ def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE) ->
     return spawn("capture", source, *arguments, before=camera.beside)
 
 
+def capturing(camera: FakeCamera, out: Path) -> subprocess.Popen[str]:
+    """A `capture` that has saved its first shot, and goes on."""
+    process = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
+    assert process.stdout
+    assert ".dng" in process.stdout.readline()
+    return process
+
+
 def shots(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.dng"))
 
@@ -122,18 +130,14 @@ def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path)
 @needs_camera
 def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> None:
     camera = plug()
-    first = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
-    assert first.stdout
-    assert ".dng" in first.stdout.readline()
+    first = capturing(camera, out)
     second = capture(camera, "-o", out, *TILE)
     assert second.code == 2
     assert "another program has the camera" in second.err
     first.send_signal(signal.SIGINT)
     first.communicate(timeout=60)
     assert first.returncode == 130
-    third = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)  # at once: the first has let it go
-    assert third.stdout
-    assert ".dng" in third.stdout.readline()
+    third = capturing(camera, out)  # at once: the first has let it go
     camera.process.kill()
     _, told = third.communicate(timeout=60)
     assert third.returncode == 1, told
@@ -146,9 +150,7 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
 def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Path) -> None:
     """It would go on sending to the one that was killed, had the next one not told it to stop."""
     camera = plug()
-    first = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
-    assert first.stdout
-    assert ".dng" in first.stdout.readline()
+    first = capturing(camera, out)
     first.kill()
     first.communicate()
     while "another program has the camera" in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err:
