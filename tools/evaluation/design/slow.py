@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from shared.arrays import DoubleArray
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
@@ -73,13 +72,9 @@ def slow_figures(measured: Figures, letters: Sequence[str]) -> list[tuple[float,
 
 def spearman(one: Sequence[float], other: Sequence[float]) -> float:
     """Rank correlation of two lists of figures, -1 to 1; NaN where one does not vary. Equal figures share their mean rank."""
+    from scipy.stats import rankdata
 
-    def ranks(values: Sequence[float]) -> DoubleArray:
-        array = np.asarray(values)
-        found: DoubleArray = (array[:, None] > array).sum(axis=1) + (array[:, None] == array).sum(axis=1) / 2
-        return found
-
-    first, second = ranks(one), ranks(other)
+    first, second = rankdata(one), rankdata(other)
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return float("nan")
     return float(np.corrcoef(first, second)[0, 1])
