@@ -16,7 +16,7 @@ _REACH = 2  # pixels: a place is 5 x 5 of them
 # times what the noise of a camera's own photographs reaches.
 _FINE, _EDGE = 0.02, 0.06
 BINS = 120
-"""Of the histograms of what is foretold."""
+"""Number of bins in which `histograms` counts pixels by their score."""
 _PER_DECADE, _LEAST = 30.0, 0.01  # bins, and CIEDE2000 of the first
 _DARK = 1e-4  # scene units: luminance below which a share of it says nothing
 

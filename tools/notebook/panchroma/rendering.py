@@ -39,7 +39,8 @@ def render(
     wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
         change `Picture.rgb`.
     stages: makes the list of stages that go over the picture in rows, as `offline.render` takes it; None = those of the settings.
-    uncertainty: state how far each pixel may be off (`Picture.uncertainty`); not for the preset "paper". It takes an eighth longer.
+    uncertainty: state how far each pixel may be off (`Picture.uncertainty`); not for the preset "paper".
+        It takes up to a fifth longer.
     Raises PanchromaError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
 
     >>> import panchroma
