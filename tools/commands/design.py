@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--share", type=factor, nargs=2, default=[0.5, 1.0], metavar=("LEAST", "MOST"), help="of panchromatic pixels"
     )
     limits.add_argument(
-        "--sites", default="", metavar="ROWS", help="where filters can be, as XW/WW: W marks places that stay without"
+        "--sites", default="", metavar="ROWS", help="where filters can be, as XW/WW: W marks places without (default: anywhere)"
     )
     search = parser.add_argument_group("the search")
     search.add_argument("--steps", type=natural, default=400, metavar="N", help="of annealing, for each size")

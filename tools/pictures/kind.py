@@ -44,10 +44,7 @@ class PictureKind:
             raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
         if self.uncertainty and not (kept_as.has_uncertainty and self.space == CAMERA):
             able = ", ".join(each.name for each in FORMATS.values() if each.has_uncertainty)
-            raise InputError(
-                f"the uncertainty is in scene units: {self.format} in {self.space} does not hold it; "
-                f'{able} do, with `space="camera"`'
-            )
+            raise InputError(f'the uncertainty, in scene units, can stand beside {able} with `space="camera"` alone')
         if kept_as.missing:
             raise InputError(kept_as.missing)
         if self.space not in kept_as.spaces:
