@@ -1,21 +1,45 @@
 """Which network corrects the colour of a pattern. It is known here so that nobody loads the renderer, which has them, to ask."""
 
 from pathlib import Path
+from typing import NamedTuple
 
-from .pattern import BAYER_ORDERS, CfaPattern
+from .pattern import PANCHROMATIC, CfaPattern
 
 NETWORKS = Path(__file__).parents[1] / "offline" / "models"
 """Their folder; a camera does not have it."""
-ORDER = "RGGB"
-"""The order of the block that they are for; other orders are its mirror images."""
+
+
+class Block(NamedTuple):
+    """The block of a pattern, mirrored so that all its mirror images become one: a network is for that.
+
+    letters: of its pixels, row by row. steps: 1, or -1 along an axis (down, across) that is mirrored.
+
+    >>> from shared.networks import Block
+    >>> from shared.pattern import CfaPattern
+    >>> Block.of(CfaPattern.bayer(6, "BGGR")), Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
+    (Block(letters=('RG', 'GB'), steps=(-1, -1)), Block(letters=('RG', 'BW'), steps=(1, -1)))
+    """
+
+    letters: tuple[str, ...]
+    steps: tuple[int, int]
+
+    @classmethod
+    def of(cls, pattern: CfaPattern) -> "Block":
+        """Of the four images, the one with the last letters of the alphabet first; panchromatic pixels come last."""
+        height, width = pattern.block_shape
+        rows = [row[:width] for row in pattern.letters_from(pattern.block_origin)[:height]]
+        sides = (1, 1), (1, -1), (-1, 1), (-1, -1)
+        images = [cls(tuple(row[::across] for row in rows[::down]), (down, across)) for down, across in sides]
+        return max(images, key=lambda image: "".join(image.letters).replace(PANCHROMATIC, " "))
+
+
+def network_file(pattern: CfaPattern) -> str:
+    """Name of the file with the network for a pattern: "rggb-k6.onnx" for any order of a Bayer block at K = 6."""
+    return f"{''.join(Block.of(pattern).letters).lower()}-k{pattern.period}.onnx"
 
 
 def network_for(pattern: CfaPattern) -> Path | None:
-    """The network for a pattern; None if there is none, because the pattern has no Bayer block or another period."""
-    path = NETWORKS / f"{ORDER.lower()}-k{pattern.period}.onnx"
-    return path if block_order(pattern) in BAYER_ORDERS and pattern.block_shape == (2, 2) and path.exists() else None
-
-
-def block_order(pattern: CfaPattern) -> str:
-    """The letters of the 2 x 2 pixels from a block's origin on, row by row."""
-    return "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
+    """The network for a pattern; None if there is none, because of its block, which has to be square, or its period."""
+    path = NETWORKS / network_file(pattern)
+    height, width = pattern.block_shape
+    return path if height == width and path.exists() else None

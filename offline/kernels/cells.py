@@ -17,6 +17,8 @@ from .lanes import Scalar
 
 STATE = 6
 """Planes of what `survey` finds."""
+SURROUNDINGS = 5
+"""Planes of what `describe` says of the surroundings of a cell, beside its pixels and sites."""
 MARGIN = 2
 """Cells around a cell on which its inputs depend."""
 GATE = 1.8
@@ -62,7 +64,7 @@ def survey(
     light, chromaticity: (H, W) and (H, W, C), scene units.
     places: the picture's row at each row of the h x w cells, (h K,), and its column at each column, (w K,).
     channels: indices of red, green and blue. gamma: their weights in Eq. 7.
-    error: (4, h, w), what the sites of a cell miss. variance: (h, w), of the noise in that.
+    error: (S, h, w), what the S sites of a cell miss. variance: (h, w), of the noise in that.
     cells: (3 K^2, h, w), written: luminance of all pixels of a cell, then the two components of colour.
     state: (STATE, h, w), written: mean luminance around, means of the two components there over that, activity, bound, and the
         mean luminance of the cell itself.
@@ -146,12 +148,12 @@ def describe(
     first: tuple[int, int],
     out: FloatArray,
 ) -> None:
-    """Write what the network sees of the cells from row and column `first` on, `out`, (3 K^2 + 9, rows, columns).
+    """Write what the network sees of the cells from row and column `first` on, `out`, (3 K^2 + S + SURROUNDINGS, rows, columns).
 
-    cells, state, variance: see `survey`. error: (4, h, w), what the sites of a cell miss.
+    cells, state, error, variance: see `survey`.
     """
     pixels, (rows, columns) = len(cells) // 3, out.shape[1:]
-    last = 3 * pixels + 4
+    last = 3 * pixels + len(error)
     for y in range(rows):
         row = first[0] + y
         for x in range(columns):
@@ -163,7 +165,7 @@ def describe(
             out[last + 2, y, x] = _bounded(np.log2(_ONE + np.sqrt(variance[row, column]) / scale))
             out[last + 3, y, x] = _bounded(_LOG * np.log2(_ONE + positive / scale))
             out[last + 4, y, x] = _bounded(state[4, row, column] / scale)
-        for site in range(4):
+        for site in range(len(error)):
             for x in range(columns):
                 out[3 * pixels + site, y, x] = _bounded(error[site, row, first[1] + x] / state[3, row, first[1] + x])
         for pixel in range(pixels):

@@ -5,9 +5,9 @@ cell are its channels (space to depth). It sees luminance, chromaticity, what th
 corrected, and the noise there. It returns a correction of chromaticity, and luminance stays. `tools/training/` builds and trains
 it; `models/README.md` says on what, and where its limits are.
 
-The files in `models/` are for RGGB. The other Bayer orders are its mirror images, and cells are symmetric, so cells are mirrored
-on the way in and out. Frames are processed in tiles of one fixed size at fixed places: threads and bands do not change a bit.
-Inside a tile the network runs where it may correct something (see `boxes`).
+A file in `models/` is for a block and its mirror images, as the Bayer orders are of RGGB: cells are mirrored on the way in and out.
+Frames are processed in tiles of one fixed size at fixed places: threads and bands do not change a bit. Inside a tile the network
+runs where it may correct something (see `boxes`).
 """
 
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray, mirrored
 from shared.errors import InputError
-from shared.networks import block_order, network_for
+from shared.networks import Block, network_for
 from shared.pattern import CfaPattern
 
 from ..blocks import Sites
-from ..kernels.cells import MARGIN, STATE, correct_cells, describe, survey
+from ..kernels.cells import MARGIN, STATE, SURROUNDINGS, correct_cells, describe, survey
 from ..kernels.pieces import in_pieces
 from ..measured import BlockSamples
 from ..parts import Look, Part, RowStage
@@ -31,7 +31,6 @@ from ..parts import Look, Part, RowStage
 REACH = "panchroma.reach"
 """The metadata of a file that says how many cells around a cell the network sees."""
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
-_MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
 UNKNOWN = 1e6
@@ -40,15 +39,17 @@ UNKNOWN = 1e6
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of a frame, and their way to and from the order RGGB.
+    """The cells of a frame, and their way to and from the orientation that the network knows.
 
-    period: K, even.
+    Mirrored, a block has as many pixels of its cell before it as behind it, or one less.
+
+    period: K.
     origin: frame row and column at which the first cell begins, 0 or less.
     shape: number of cells (down, across).
     blocks: index of the first cell (down, across) with a whole block.
     steps: 1, or -1 along an axis that is mirrored.
     channels: the pattern's indices of red, green and blue.
-    sites: indices of the sites of a block, in the order R, G, G, B of the mirrored block.
+    sites: indices of the sites of a block, in their order in the mirrored block: R, G, G, B.
     """
 
     period: int
@@ -61,17 +62,21 @@ class Cells:
 
     @classmethod
     def of(cls, sites: Sites) -> "Cells":
-        """The cells of a frame; its pattern has a Bayer block and an even period."""
+        """The cells of a frame with channels R, G and B."""
         pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
-        steps = _MIRRORED[block_order(pattern)]
-        margin = (period - 2) // 2  # pixels of a cell before its block
-        origin = [-((margin - first) % period) for first in pattern.block_origin]
+        steps = Block.of(pattern).steps
+        # Pixels of a cell before its block.
+        margin = [(period - size + (step < 0)) // 2 for size, step in zip(grid.block_shape, steps, strict=True)]
+        origin = [-((before - first) % period) for before, first in zip(margin, pattern.block_origin, strict=True)]
         count = [-(-(size - start) // period) for size, start in zip(grid.frame, origin, strict=True)]
         whole = [
-            (int(places[0]) - margin - start) // period
-            for places, start in zip((grid.whole_rows, grid.whole_columns), origin, strict=True)
+            (int(places[0]) - before - start) // period
+            for places, before, start in zip((grid.whole_rows, grid.whole_columns), margin, origin, strict=True)
         ]
-        square = np.arange(4).reshape(2, 2)[:: steps[0], :: steps[1]]
+        numbers = np.full(grid.block_shape, -1)
+        for number, (row, column, _) in enumerate(pattern.sites):
+            numbers[row, column] = number
+        order = numbers[:: steps[0], :: steps[1]]
         return cls(
             period,
             (origin[0], origin[1]),
@@ -79,7 +84,7 @@ class Cells:
             (whole[0], whole[1]),
             steps,
             [pattern.channels.index(letter) for letter in "RGB"],
-            square.ravel().tolist(),
+            order[order >= 0].tolist(),
         )
 
     def picture(self, part: Part, gamma: FloatArray, rows: tuple[int, int], columns: tuple[int, int], height: int) -> FloatArray:
@@ -126,7 +131,7 @@ class Learned(RowStage):
     """Correct chromaticity by a network.
 
     path: one of `models/`. Raises InputError, when it is first needed, if the file cannot be read.
-    samples: of a frame whose pattern has a Bayer block and the network's period.
+    samples: of a frame whose pattern has the network's block and period.
     gamma: (C,), the weights of Eq. 7.
     """
 
@@ -168,7 +173,7 @@ class Learned(RowStage):
             survey(*picture, places, channels, gamma, error, variance, planes, state)
             for top, left, height, width in boxes(state[4, halo:-halo, halo:-halo] > 0, reach):
                 place = halo + top, halo + left
-                seen = np.empty((1, len(planes) + 9, height + 2 * reach, width + 2 * reach), np.float32)
+                seen = np.empty((1, len(planes) + len(error) + SURROUNDINGS, height + 2 * reach, width + 2 * reach), np.float32)
                 describe(planes, state, error, variance, (place[0] - reach, place[1] - reach), seen[0])
                 (found,) = session.run(None, {"features": seen})
                 correct_cells(found[0], planes, state, place, part.luminance, own, channels, gamma, chromaticity)
@@ -230,7 +235,7 @@ class Inputs:
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
     def blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
-        """What the sites of these rows and columns of cells miss, (4, rows, columns), and the variance of the noise in it.
+        """What the S sites of these rows and columns of cells miss, (S, rows, columns), and the variance of the noise in it.
 
         Cells may lie outside the frame.
         """

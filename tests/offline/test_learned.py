@@ -16,6 +16,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.networks import NETWORKS, network_for
+from shared.pattern import BAYER_ORDERS
 from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
@@ -60,9 +61,10 @@ def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
 @pytest.mark.parametrize("period", [4, 6, 8])
 def test_there_is_a_network_for_bayer_blocks(period: int) -> None:
     assert {network_name(CfaPattern.bayer(period, order)) for order in ("RGGB", "GRBG", "GBRG", "BGGR")} == {f"rggb-k{period}"}
-    assert network_name(CfaPattern.bayer(5)) is None
+    assert network_name(CfaPattern.bayer(7)) is None
     assert network_name(CfaPattern.with_block(("RG", "WB"), period)) is None
     assert network_name(CfaPattern.with_block(("RGB",), period)) is None
+    assert network_name(CfaPattern.with_block(("RGGB",), period)) is None
 
 
 def test_all_networks_together_are_small() -> None:
@@ -70,7 +72,7 @@ def test_all_networks_together_are_small() -> None:
 
 
 def test_a_pattern_without_a_network_is_rendered_without() -> None:
-    mosaic = simulate_additive(scene(80, 90), CfaPattern.bayer(5), GREY, 0.01, np.random.default_rng(0))
+    mosaic = simulate_additive(scene(80, 90), CfaPattern.bayer(7), GREY, 0.01, np.random.default_rng(0))
     assert np.array_equal(render(mosaic).rgb, render(mosaic, WITHOUT).rgb)
 
 
@@ -83,10 +85,25 @@ def test_the_other_orders_are_mirror_images(order: str, axes: tuple[int, ...]) -
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2), (5, 4)])
-@pytest.mark.parametrize("order", ["RGGB", "GRBG", "BGGR"])
-def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> None:
-    """The samples of a block, put into the picture at their sites, are found in the middle of the cell, in the order R, G, G, B."""
-    pattern, shape = CfaPattern.bayer(6, order, origin=origin), (40, 53)
+@pytest.mark.parametrize(
+    ("tile", "places"),
+    [
+        (tile, places)
+        for places, tiles in {
+            # Channel, row and column in the cell.
+            ((0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)): [CfaPattern.bayer(6, order) for order in ("RGGB", "GRBG", "BGGR")],
+            ((0, 1, 1), (1, 1, 2), (1, 2, 1), (2, 2, 2)): [CfaPattern.bayer(5, order) for order in BAYER_ORDERS],
+            ((0, 1, 1), (1, 1, 2), (2, 2, 1)): [CfaPattern.with_block(("RG", "BW"), 4), CfaPattern.with_block(("WB", "GR"), 4)],
+            ((1, 0, 0), (0, 0, 2), (1, 1, 1), (0, 1, 3), (2, 2, 0), (1, 2, 2), (2, 3, 1), (1, 3, 3)): [
+                CfaPattern.of_letters(letters) for letters in ("WBWG/BWGW/WGWR/GWRW", "GWBW/WGWB/RWGW/WRWG")
+            ],
+        }.items()
+        for tile in tiles
+    ],
+)
+def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPattern, places: tuple[tuple[int, ...], ...]) -> None:
+    """The samples of a block, put into the picture at their sites, are found in the middle of the cell, in one order."""
+    pattern, shape, period = replace(tile, origin=origin), (40, 53), tile.period
     rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
     light = np.ascontiguousarray(rgb.sum(axis=2))
     part = Part(0, light, rgb / light[..., None])
@@ -98,8 +115,9 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     whole = (0, cells.shape[0]), (0, cells.shape[1])
     inputs = Inputs(cells, part, sites, ONES)
     picture, (error, variance) = inputs.picture(*whole), inputs.blocks(*whole)
-    picture = picture.reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
-    for number, (channel, row, column) in enumerate([(0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)]):
+    picture = picture.reshape(3, cells.shape[0], period, cells.shape[1], period).transpose(0, 1, 3, 2, 4)
+    assert len(error) == len(places)
+    for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
         assert known.sum() == sites.unclipped.size
         assert_close(error[number][known], picture[channel, :, :, row, column][known], 1e-6)

@@ -2,11 +2,15 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NoReturn
 
-from shared.errors import PanchromaError
+from shared.errors import InputError, PanchromaError
+from shared.pattern import CfaPattern
 from shared.processors import processors
+from shared.tiles import EXPECTED
 from tools.host.console import Console, to_stderr
 from tools.host.jobs import output_folder
 from tools.host.signals import INTERRUPTED, orderly_end
@@ -20,7 +24,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.training", description=__doc__)
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help="photographs to learn from, in this folder or below")
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="for the networks, and all that is needed to go on")
-    parser.add_argument("--period", type=int, nargs="+", default=[4, 6, 8], metavar="K", help="periods of the pattern, even")
+    parser.add_argument(
+        "--pattern", nargs="+", default=["K=4", "K=6", "K=8"], metavar="TILE",
+        help=f"a network for each; {EXPECTED} (default: K=4 K=6 K=8)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--start", metavar="TILE", help="begin with the weights of the network for this pattern (default: random ones)"
+    )
     parser.add_argument("--steps", type=int, default=_STEPS, metavar="N", help=f"of gradient descent (default: {_STEPS})")
     parser.add_argument("--variants", type=int, default=4, metavar="N", help="examples made of each photograph (default: 4)")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
@@ -29,8 +39,8 @@ def main() -> int:
     for name in ("steps", "variants"):
         if getattr(arguments, name) < 1:
             parser.error(f"--{name} is {getattr(arguments, name)}, expected 1 or more")
-    if any(period < 4 or period % 2 for period in arguments.period):
-        parser.error("--period: even numbers from 4 on are possible")
+    patterns = [_pattern(letters, parser.error) for letters in arguments.pattern]
+    start = _pattern(arguments.start, parser.error) if arguments.start else None
     if find_spec("torch") is None:
         parser.error("training needs PyTorch: pip install 'panchroma[training]'")
     sources = tuple(
@@ -47,9 +57,9 @@ def main() -> int:
     try:
         with orderly_end():
             output = output_folder(arguments.output)
-            for period in arguments.period:
-                plan = Plan(sources, period, arguments.steps, variants=arguments.variants, seed=arguments.seed)
-                with console.progress(f"K = {period}") as progress:
+            for pattern in patterns:
+                plan = Plan(sources, pattern, arguments.steps, variants=arguments.variants, seed=arguments.seed, start=start)
+                with console.progress(pattern.name or "/".join(pattern.tile)) as progress:
                     path = train(plan, output, arguments.jobs or processors(), progress, progress.remark)
                 console.say(str(path))
     except PanchromaError as error:
@@ -59,6 +69,18 @@ def main() -> int:
         to_stderr("interrupted: the same command goes on where this one stopped")
         return INTERRUPTED
     return 0
+
+
+def _pattern(text: str, error: Callable[[str], NoReturn]) -> CfaPattern:
+    """The pattern with this text; `error` is called if it is none, or none that a network can be for."""
+    try:
+        pattern = CfaPattern.of_letters(text)
+    except InputError as problem:
+        error(f"--{problem}")
+    height, width = pattern.block_shape
+    if height != width or pattern.channels != "RGB":
+        error(f"--pattern: {text} has no square block of red, green and blue")
+    return pattern
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Example:
 
     picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
     truth: float16, the same of the scene.
-    error: float16 (4, h, w). variance: float32 (1, h, w). See `offline.rows.learned.Inputs`.
+    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.rows.learned.Inputs`.
     """
 
     picture: FloatArray
@@ -45,14 +45,16 @@ class Example:
     variance: FloatArray
 
 
-def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
-    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same bytes."""
+def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Example:
+    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same bytes.
+
+    pattern: its tile; where in the frame that begins is random.
+    """
     random = np.random.default_rng(seed)
     scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
     sigma = 0.0 if random.random() < 1 / 3 else float(np.exp(random.uniform(*np.log(_SIGMAS))))
-    origin = tuple(random.integers(period, size=2).tolist())
-    pattern = CfaPattern.bayer(period, origin=(origin[0], origin[1]))
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
+    down, across = random.integers(pattern.period, size=2).tolist()
+    mosaic = simulate_additive(scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random)
     settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
     measured = measure(mosaic, settings)
     corrected = reduce(Part.joined, parts_of(measured, settings))

@@ -57,6 +57,12 @@ def save_graph(weights: Mapping[str, FloatArray], path: Path, facts: Mapping[str
     rough.replace(path)
 
 
+def load_weights(path: Path) -> dict[str, FloatArray]:
+    """The weights in a file of `save_graph`, by name; the first ones are padded with zeros."""
+    stored = {each.name.removesuffix("_half"): each for each in onnx.load(path).graph.initializer if "." in each.name}
+    return {name: numpy_helper.to_array(each).astype(np.float32) for name, each in stored.items()}
+
+
 def _convolution(name: str, given: str, found: str) -> NodeProto:
     return _node("Conv", [given, f"{name}.weight", f"{name}.bias"], found)
 

@@ -13,6 +13,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from offline.kernels.cells import SURROUNDINGS
+
 CHANNELS, BLOCKS = 80, 4
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
 HALO = BLOCKS + 3
@@ -32,14 +34,14 @@ HUE, DARK = 0.06, 0.002
 class Network(nn.Module):  # type: ignore[misc]
     """Correction of two components of colour (`BASIS`) for every pixel of a cell.
 
-    period: K. `forward` takes what `features` returns.
+    period: K. sites: S, of a block. `forward` takes what `features` returns.
     """
 
-    def __init__(self, period: int, channels: int = CHANNELS, blocks: int = BLOCKS) -> None:
+    def __init__(self, period: int, sites: int, channels: int = CHANNELS, blocks: int = BLOCKS) -> None:
         super().__init__()
         pixels = period**2
         self.period = period
-        self.enter = nn.Conv2d(3 * pixels + 9, channels, 3)
+        self.enter = nn.Conv2d(3 * pixels + sites + SURROUNDINGS, channels, 3)
         self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(blocks))
         self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(blocks))
         self.leave = nn.Conv2d(channels, 2 * pixels, 1)
@@ -47,7 +49,7 @@ class Network(nn.Module):  # type: ignore[misc]
         nn.init.zeros_(self.leave.bias)
 
     def forward(self, inputs: Any) -> Any:
-        """(N, 3 K^2 + 9, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in units of the bounded activity."""
+        """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in units of the bound."""
         found = self.enter(inputs)
         for wide, deep in zip(self.wide, self.deep, strict=True):
             found = found[..., 1:-1, 1:-1] + deep(functional.relu(wide(functional.relu(found))))
@@ -57,7 +59,7 @@ class Network(nn.Module):  # type: ignore[misc]
 def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = NOISE) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
-    light, colour: from `cells_of`. error: (N, 4, h, w), variance: (N, 1, h, w), from `offline.rows.learned.Inputs`.
+    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.rows.learned.Inputs`.
     gate: multiple of the noise variance that is taken off the contrast of colour.
     """
     pixels = light.shape[1]

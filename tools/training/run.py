@@ -1,6 +1,6 @@
 """Train one network: examples on the disk, steps of gradient descent that can be interrupted, a file.
 
-Everything follows from the sources, the period and the seed: the examples, the order in which they are seen, and the first
+Everything follows from the sources, the pattern and the seed: the examples, the order in which they are seen, and the first
 weights. An interrupted run goes on at its last checkpoint and ends with the weights of one that was not interrupted, on the same
 machine with the same number of threads.
 """
@@ -17,13 +17,16 @@ from typing import Any
 import numpy as np
 import torch
 
+from offline.kernels.cells import SURROUNDINGS
 from offline.version import ALGORITHM
+from shared.arrays import FloatArray, IndexArray
 from shared.errors import InputError
-from shared.networks import ORDER
+from shared.networks import Block, network_file, network_for
+from shared.pattern import PANCHROMATIC, CfaPattern
 from shared.progress import Progress
 
 from .examples import DRAWN, Example, load_example, make_example, save_example
-from .graph import save_graph
+from .graph import load_weights, save_graph
 from .network import HALO, Network, losses
 
 _KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
@@ -38,25 +41,37 @@ class Plan:
     """What a network is trained on, and how.
 
     sources: files of photographs.
-    period: K, even.
+    pattern: of the blocks, wherever they begin. It is square; the network serves its mirror images too.
     steps: of gradient descent. batch: examples in each.
     variants: examples made of each source; a drawing is added for every four photographs.
     patch: cells per side of what is learned from at a time, without surroundings.
     seed: of everything random.
+    start: a pattern with a network in `offline/models`, whose block has the same size; training begins with its weights (see
+        `weights_for`) and in half as large steps. None = with random ones.
     """
 
     sources: tuple[str, ...]
-    period: int
+    pattern: CfaPattern
     steps: int
     batch: int = 16
     variants: int = 4
     patch: int = 24
     seed: int = 0
+    start: CfaPattern | None = None
 
     @property
     def all_sources(self) -> list[str]:
         """The photographs, then `DRAWN` for the drawings."""
         return [*self.sources, *[DRAWN] * -(-len(self.sources) // 4)]
+
+    @property
+    def transposed(self) -> list[int]:
+        """Where the sites of the mirrored block are when it is transposed, which changes places of the greens of RGGB.
+
+        Empty if it is another block then.
+        """
+        letters, numbers = np.array([list(row) for row in Block.of(self.pattern).letters]), _site_numbers(self.pattern)
+        return numbers.T[numbers >= 0].tolist() if np.array_equal(letters, letters.T) else []
 
     @property
     def digest(self) -> str:
@@ -66,14 +81,15 @@ class Plan:
 
 
 def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]) -> Path:
-    """Train the network of one period, or go on with it; returns the path of its file in `folder`.
+    """Train the network of one pattern, or go on with it; returns the path of its file in `folder`.
 
     folder: for examples, checkpoints and result; it exists.
     jobs: processes that make examples, and threads that compute.
     say: is told the loss now and then.
-    Raises InputError when `folder` holds another training of this period.
+    Raises InputError when `folder` holds another training of this pattern.
     """
-    work = folder / f"k{plan.period}"
+    path = folder / network_file(plan.pattern)
+    work = path.with_suffix("")
     work.mkdir(exist_ok=True)
     begun = work / "plan.json"
     if begun.exists() and json.loads(begun.read_text(encoding="utf-8"))["digest"] != plan.digest:
@@ -81,7 +97,6 @@ def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable
     begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
-    path = folder / f"{ORDER.lower()}-k{plan.period}.onnx"
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
     save_graph(weights, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
     return path
@@ -97,7 +112,7 @@ def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tupl
             path = work / f"{variant}-{number:05d}.npz"
             found[first % _KEPT_BACK == _KEPT_BACK // 2].append(path)
             if not path.exists():
-                missing.append((source, plan.period, (plan.seed, plan.period, variant, number), path))
+                missing.append((source, plan.pattern, (plan.seed, plan.pattern.period, variant, number), path))
     progress.stage("examples", len(missing))
     if missing:
         with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
@@ -106,12 +121,12 @@ def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tupl
     return found
 
 
-def _make(task: tuple[str, int, tuple[int, ...], Path]) -> None:
+def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
     from offline import use_threads
 
     use_threads(1)
-    source, period, seed, path = task
-    save_example(make_example(source, period, seed), path)
+    source, pattern, seed, path = task
+    save_example(make_example(source, pattern, seed), path)
 
 
 def _descend(
@@ -121,7 +136,11 @@ def _descend(
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
-    network = Network(plan.period).to(device=device, memory_format=torch.channels_last)
+    network = Network(plan.pattern.period, len(plan.pattern.sites))
+    if plan.start:
+        given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()}
+        network.load_state_dict(given)
+    network = network.to(device=device, memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
     history: list[dict[str, float]] = []
     done, checkpoint = 0, work / "checkpoint.pt"
@@ -140,7 +159,7 @@ def _descend(
     for step in range(done, plan.steps):
         rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / plan.steps))
         for group in optimiser.param_groups:
-            group["lr"] = _RATE * float(rate)
+            group["lr"] = _RATE * float(rate) / (2 if plan.start else 1)
         with torch.autocast(device, dtype=torch.bfloat16):
             left, before = losses(network, _batch(examples, plan, (plan.seed, 0, step), device))
         loss = (left / before.clamp_min(1e-7) * torch.tensor(_WEIGHTS, device=device)).sum()
@@ -158,6 +177,28 @@ def _descend(
             torch.save(state, rough)
             rough.replace(checkpoint)
     return network.to("cpu"), history
+
+
+def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]:
+    """Weights to begin with: those of the network for a known pattern, for pixels and sites at the same places beside the block."""
+    path = network_for(known)
+    if path is None or known.block_shape != pattern.block_shape:
+        raise InputError(f"no network for {'/'.join(known.tile)} whose block has the size of that of {'/'.join(pattern.tile)}")
+    weights, side = load_weights(path), len(Block.of(known).letters)
+    begins = [(each.period - side) // 2 for each in (pattern, known)]
+    along = (np.arange(pattern.period) - begins[0] + begins[1]).clip(0, known.period - 1)
+    pixels, planes = (along[:, None] * known.period + along).ravel(), known.period**2 * np.arange(3)[:, None]
+    numbers = _site_numbers(known)[_site_numbers(pattern) >= 0]
+    ends = 3 * known.period**2 + np.concatenate([numbers, len(known.sites) + np.arange(SURROUNDINGS)])
+    entered, left = np.concatenate([(planes + pixels).ravel(), ends]), (planes[:2] + pixels).ravel()
+    chosen = {"enter.weight": weights["enter.weight"][:, entered]}
+    return weights | chosen | {f"leave.{kind}": weights[f"leave.{kind}"][left] for kind in ("weight", "bias")}
+
+
+def _site_numbers(pattern: CfaPattern) -> IndexArray:
+    """The number of each site of the mirrored block, row by row; -1 = a panchromatic pixel."""
+    colour = np.array([[letter != PANCHROMATIC for letter in row] for row in Block.of(pattern).letters])
+    return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
 def _read(path: Path, progress: Progress) -> Example:
@@ -178,19 +219,19 @@ def _judge(network: Network, batches: Sequence[list[Any]]) -> dict[str, float]:
 
 def _batch(examples: list[Example], plan: Plan, seed: tuple[int, ...], device: str) -> list[Any]:
     """Pieces of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
-    random, side = np.random.default_rng(seed), plan.patch + 2 * HALO
+    random, side, period, transposed = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period, plan.transposed
     large = [example for example in examples if min(example.error.shape[1:]) >= side]
     if not large:
-        raise InputError(f"the pictures are too small to learn from: {side * plan.period} pixels a side are needed")
+        raise InputError(f"the pictures are too small to learn from: {side * period} pixels a side are needed")
     pieces: list[list[Any]] = []
     for _ in range(plan.batch):
         example = large[random.integers(len(large))]
         first = [int(random.integers(size - side + 1)) for size in example.error.shape[1:]]
         cells = tuple(slice(start, start + side) for start in first)
-        pixels = tuple(slice(start * plan.period, (start + side) * plan.period) for start in first)
+        pixels = tuple(slice(start * period, (start + side) * period) for start in first)
         piece = [example.picture[:, *pixels], example.truth[:, *pixels], example.error[:, *cells], example.variance[:, *cells]]
-        if random.random() < 0.5:  # RGGB is its own transpose; both greens change places
+        if random.random() < 0.5 and transposed:
             piece = [plane.transpose(0, 2, 1) for plane in piece]
-            piece[2] = piece[2][[0, 2, 1, 3]]
+            piece[2] = piece[2][transposed]
         pieces.append(piece)
     return [torch.from_numpy(np.stack(planes).astype(np.float32)).to(device) for planes in zip(*pieces, strict=True)]

@@ -5,21 +5,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from tools.training.examples import DRAWN, load_example, make_example, save_example, varied
 
 SMALL = "builtin:200x150"
+PAPER = CfaPattern.bayer(6)
 
 
 @pytest.mark.parametrize("source", [SMALL, DRAWN])
 def test_the_same_seed_gives_the_same_example(source: str) -> None:
-    first, again, other = (make_example(source, 6, (0, seed)) for seed in (1, 1, 2))
+    first, again, other = (make_example(source, PAPER, (0, seed)) for seed in (1, 1, 2))
     assert all(np.array_equal(getattr(first, name), getattr(again, name)) for name in vars(first))
     assert first.picture.shape != other.picture.shape or not np.array_equal(first.picture, other.picture)
 
 
-@pytest.mark.parametrize("period", [4, 6, 8])
+@pytest.mark.parametrize("period", [4, 5, 6, 8])
 def test_picture_and_truth_show_the_same_place(period: int) -> None:
-    found = make_example(SMALL, period, (0, period))
+    found = make_example(SMALL, CfaPattern.bayer(period), (0, period))
     rows, columns = found.error.shape[1:]
     assert found.picture.shape == found.truth.shape == (3, rows * period, columns * period)
     assert found.variance.shape == (1, rows, columns)
@@ -31,8 +33,8 @@ def test_picture_and_truth_show_the_same_place(period: int) -> None:
 
 def test_what_was_missed_at_the_sites_leads_to_the_truth() -> None:
     """Without noise, red sample = truth; so the error at the red site is truth minus the picture before it was corrected."""
-    seed = next(number for number in range(50) if not make_example(SMALL, 6, (0, number)).variance.any())
-    found = make_example(SMALL, 6, (0, seed))
+    seed = next(number for number in range(50) if not make_example(SMALL, PAPER, (0, number)).variance.any())
+    found = make_example(SMALL, PAPER, (0, seed))
     rows, columns = found.error.shape[1:]
     cells = np.stack([plane.astype(np.float64).reshape(rows, 6, columns, 6) for plane in found.truth - found.picture])
     left = [cells[0, :, 2, :, 2], cells[1, :, 2, :, 3], cells[1, :, 3, :, 2], cells[2, :, 3, :, 3]]
@@ -49,7 +51,7 @@ def test_variations_are_light_and_differ() -> None:
 
 
 def test_an_example_survives_the_disk(tmp_path: Path) -> None:
-    found, path = make_example(SMALL, 4, (3,)), tmp_path / "0-00000.npz"
+    found, path = make_example(SMALL, CfaPattern.bayer(4), (3,)), tmp_path / "0-00000.npz"
     save_example(found, path)
     again = load_example(path)
     assert all(np.array_equal(getattr(found, name), getattr(again, name)) for name in vars(found))

@@ -10,6 +10,7 @@ import pytest
 
 from offline.kernels.cells import GATE, STATE, describe, survey
 from offline.rows.learned import REACH, _session
+from shared import CfaPattern
 from shared.errors import InputError
 from shared.progress import SILENT
 from tests.data import ROOT
@@ -41,7 +42,7 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
 
 
 def small(photographs: tuple[str, ...], steps: int) -> run.Plan:
-    return run.Plan(photographs, 4, steps, batch=2, variants=1, patch=6)
+    return run.Plan(photographs, CfaPattern.bayer(4), steps, batch=2, variants=1, patch=6)
 
 
 def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...], tmp_path: Path) -> None:
@@ -50,7 +51,7 @@ def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...],
     assert said
     assert said[-1].startswith("step 120: left 0.")
     assert _session(path).get_inputs()
-    history = json.loads((tmp_path / "k4" / "plan.json").read_text())
+    history = json.loads((tmp_path / "rggb-k4" / "plan.json").read_text())
     assert history["steps"] == 120
 
 
@@ -80,9 +81,31 @@ def test_another_training_does_not_go_on_in_the_same_folder(photographs: tuple[s
         run.train(small(photographs, 2), tmp_path, 1, SILENT, lambda _: None)
 
 
+def test_a_block_that_is_its_own_transpose_is_learned_from_twice(photographs: tuple[str, ...]) -> None:
+    for block, order in ((("GB", "RG"), [0, 2, 1, 3]), (("WG", "GR"), [0, 2, 1]), (("WB", "GR"), [])):
+        assert run.Plan(photographs, CfaPattern.with_block(block, 4), 1).transposed == order
+
+
+def test_training_begins_with_the_weights_for_the_same_places() -> None:
+    """Beside a block of two, a cell of five has one pixel before it, a cell of six has two."""
+    six, five = CfaPattern.bayer(6), CfaPattern.bayer(5)
+    whole, part = run.weights_for(six, six), run.weights_for(five, six)
+    assert part["enter.weight"].shape[1] == 3 * 25 + 9
+    assert part["leave.bias"].shape == (2 * 25,)
+    for name, planes, tail in (("enter.weight", 3, 9), ("leave.weight", 2, 0)):
+        known, found = (np.moveaxis(each[name], int(name == "enter.weight"), 0) for each in (whole, part))
+        seen = known[: planes * 36].reshape(planes, 6, 6, -1)[:, 1:, 1:]
+        assert np.array_equal(found[: planes * 25].reshape(planes, 5, 5, -1), seen)
+        assert np.array_equal(found[planes * 25 :], known[planes * 36 :][:tail])
+    three = run.weights_for(CfaPattern.with_block(("WB", "GR"), 4), CfaPattern.bayer(4))["enter.weight"]
+    assert np.array_equal(three, np.delete(run.weights_for(CfaPattern.bayer(4), CfaPattern.bayer(4))["enter.weight"], 51, axis=1))
+    with pytest.raises(InputError, match="no network for RGW/GBW/WWW whose block has the size of that of RGWWWW"):
+        run.weights_for(six, CfaPattern.bayer(3))
+
+
 def random_network(period: int) -> Network:
     torch.manual_seed(1)
-    network = Network(period)
+    network = Network(period, 4)
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.03)
     return network
@@ -122,10 +145,15 @@ def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
 
 def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="too small to learn from"):
-        run.train(run.Plan(photographs, 4, 1, variants=1, patch=200), tmp_path, 1, SILENT, lambda _: None)
-    few = subprocess.run(
-        [sys.executable, "-m", "tools.training", str(tmp_path), "-o", str(tmp_path / "out")],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert few.returncode == 2
-    assert "0 photographs found; at least 20 are needed" in few.stderr
+        run.train(run.Plan(photographs, CfaPattern.bayer(4), 1, variants=1, patch=200), tmp_path, 1, SILENT, lambda _: None)
+    for options, answer in (
+        ([], "0 photographs found; at least 20 are needed"),
+        (["--pattern", "RGBW/WWWW/WWWW/WWWW"], "--pattern: RGBW/WWWW/WWWW/WWWW has no square block of red, green and blue"),
+        (["--pattern", "RGGB"], "--pattern: the tile has no panchromatic pixel (W)"),
+    ):
+        refused = subprocess.run(
+            [sys.executable, "-m", "tools.training", str(tmp_path), "-o", str(tmp_path / "out"), *options],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert refused.returncode == 2
+        assert answer in refused.stderr
