@@ -32,7 +32,7 @@ def pool(
     features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance. C is
         a multiple of `CHANNELS`.
     radius: radius of the window, blocks.
-    near: (radius + 2, radius + 1), weights by distance; the last row is 0.
+    near: (radius + 2, radius + 1), weights by distance, to any scale; the last row is 0.
     light: < 0, see above.
     out: (S, rows, columns + SLACK), written.
     """
