@@ -58,10 +58,6 @@ def _groups(row: list[int], bits: int, pixels: int) -> bytes:
     for start in range(0, len(row), pixels):
         group = (row[start : start + pixels] + [0] * pixels)[:pixels]
         line += [code >> lower for code in group]
-        last = 0
-        for place, code in enumerate(group):
-            for bit in range(lower):
-                if code >> bit & 1:
-                    last += 2 ** (place * lower + bit)
+        last = sum(code % 2**lower << place * lower for place, code in enumerate(group))
         line += last.to_bytes(lower * pixels // 8, "little")
     return bytes(line)

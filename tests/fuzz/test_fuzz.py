@@ -1,4 +1,4 @@
-"""A few hundred damaged files, and the fuzzer seen to catch what it is for."""
+"""Two hundred damaged files, and the fuzzer seen to catch what it is for."""
 
 import sys
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from tests.python import run_python
 
 
 def test_no_damage_does_harm() -> None:
-    found = campaign.run(seed=2014, numbers=range(450))
+    found = campaign.run(seed=2014, numbers=range(200))
     assert found.faults == {}
-    assert sum(found.counts.values()) == 450
+    assert sum(found.counts.values()) == 200
     kinds = {sample.kind for sample in corpus()}
     assert {kind for kind, _ in found.counts} == kinds
-    assert min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED)) > 20
+    assert min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED)) > 8
 
 
 def _refuse(path: Path) -> bytes:

