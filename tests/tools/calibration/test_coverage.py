@@ -42,9 +42,9 @@ def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks:
 
 def test_intervals_hold_whatever_was_not_measured() -> None:
     """Over eight such cameras those of before covered 71, 75 and 25 % of gamma, and were off by 3.7, 1.3 and 26 half widths."""
-    for kind, counts in campaign(range(6), ["chart+dark", "chart+flat1", "scene"]).items():
+    for kind, counts in campaign(range(4), ["chart+dark", "chart+flat1", "scene"]).items():
         off = np.abs(counts.off["gamma"])
-        assert off.size or counts.refused + counts.unfit == 6, kind
+        assert off.size or counts.refused + counts.unfit == 4, kind
         if off.size:
             assert (off <= 1).mean() >= 0.85, kind
             assert off.max() < 1.8, kind

@@ -4,8 +4,9 @@ import signal
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,11 +15,10 @@ from device.capture import frame_folder
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray
 from shared.sensor import simulate_additive
-from tests.data import ROOT
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
-from tests.tools.command import PROGRAM, Outcome, names, spawn, start
+from tests.tools.command import Outcome, names, spawn, start
 from tests.tools.command import run as command
 from tools.live import recorder
 from tools.scenes.drawn.builtin import builtin_scene
@@ -36,10 +36,20 @@ def run(*arguments: str | Path) -> Outcome:
     return command("capture", *arguments)
 
 
-def piped(data: bytes, *arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
-    """The command in a process of its own, with a pipe as standard input."""
-    line = [*PROGRAM, "capture", "-", *arguments]
-    return subprocess.run(line, input=data, cwd=ROOT, capture_output=True, check=False, timeout=120, **options)
+def piped(data: bytes, *arguments: str) -> Outcome:
+    """The command with a pipe as standard input."""
+    reading, writing = os.pipe()
+
+    def feed() -> None:
+        with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
+            pipe.write(data)
+
+    feeding = threading.Thread(target=feed)
+    feeding.start()
+    with os.fdopen(reading, "rb") as pipe, patch("sys.stdin", pipe):
+        outcome = run("-", *arguments)
+    feeding.join()
+    return outcome
 
 
 def shots(folder: Path) -> list[Path]:
@@ -54,8 +64,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(tmp_path / "latest"))
-    assert done.returncode == 0, done.stderr
-    records = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.code == 0, done.err
+    records = [json.loads(line) for line in done.out.splitlines()]
     assert [record["output"] for record in records] == [str(path) for path in shots(out)]
     assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in records)
     assert [record["dropped"] for record in records] == [0, 0, 0]
@@ -64,17 +74,17 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
         assert np.array_equal(mosaic.codes, random_codes(SIZE, 12, seed))
         assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
     assert (tmp_path / "latest").resolve() == shots(out)[-1]
-    lines = done.stderr.decode().splitlines()
+    lines = done.err.splitlines()
     assert "no --camera: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
     assert lines[-1] == "3 saved, 0 dropped"
 
 
 def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> None:
     done = piped(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, "--wait")
-    assert done.returncode == 1
+    assert done.code == 1
     assert len(shots(out)) == 2
-    assert b"ended in the middle of a frame, 100 bytes after 2 whole ones" in done.stderr
-    assert done.stderr.endswith(b"2 saved, 0 dropped, 1 failed\n")
+    assert "ended in the middle of a frame, 100 bytes after 2 whole ones" in done.err
+    assert done.err.endswith("2 saved, 0 dropped, 1 failed\n")
 
 
 def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> None:
@@ -108,12 +118,12 @@ def shown(stride: int = 0) -> bytes:
 )
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
     done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait")
-    assert done.returncode == 1
-    assert words in done.stderr.decode()
-    assert b"If the description is right, add --unchecked" in done.stderr
+    assert done.code == 1
+    assert words in done.err
+    assert "If the description is right, add --unchecked" in done.err
     assert shots(out) == []
     done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", "--unchecked")
-    assert done.returncode == 0
+    assert done.code == 0
     assert len(shots(out)) == len(data) // (96 * 192)
 
 
@@ -199,9 +209,9 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(camera.to_json()))
     done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file))
-    assert done.returncode == 0
+    assert done.code == 0
     assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
-    assert b"no --camera" not in done.stderr
+    assert "no --camera" not in done.err
 
 
 @pytest.mark.parametrize(
@@ -234,8 +244,8 @@ def test_what_is_asked_in_vain_is_told_at_once(
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
     done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2")
-    assert done.returncode == 1
-    assert b"-: ended after 1 of 2 shots" in done.stderr
+    assert done.code == 1
+    assert "-: ended after 1 of 2 shots" in done.err
     assert len(shots(out)) == 1
 
 
@@ -244,7 +254,7 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
     done = piped(
         data, "-o", str(out), "--width", "200", "--height", "150", "--pixel-format", "u16", "--sensor-bits", "12", "--wait"
     )
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     neutrals = [read_dng(path).calibration.neutral for path in shots(out)]
     assert np.allclose(np.array(neutrals), LIGHT, atol=0.09)
     first = shots(out)[0]
@@ -253,8 +263,8 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
 
 def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:
     done = piped(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12")
-    assert done.returncode == 0
-    assert done.stderr.endswith(b"12 saved, 0 dropped\n")
+    assert done.code == 0
+    assert done.err.endswith("12 saved, 0 dropped\n")
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
     assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
     assert [read_dng(path).codes.tobytes() for path in shots(out)] == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
@@ -279,8 +289,8 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     """`calibrate --dark` needs them; without the options frames are refused."""
     levels = np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16)
     data = pack(levels, "raw12", 0) * 2
-    assert piped(data, "-o", str(out), *DESCRIBED, "--wait").returncode == 1
+    assert piped(data, "-o", str(out), *DESCRIBED, "--wait").code == 1
     done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options)
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
-    assert (f"black level {black:.0f}".encode() in done.stderr) == ("--black" not in options)
+    assert (f"black level {black:.0f}" in done.err) == ("--black" not in options)

@@ -35,12 +35,12 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: Path) -> None:
     done = piped(b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK)), "-o", str(out), *LAYOUT, "--wait")
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     recorded = [read_dng(path) for path in shots(out)]
     assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
     assert {shot.pattern.letters_from() for shot in recorded} == {found(KODAK).tile}
-    assert b"the first frames show the tile Kodak" in done.stderr
-    assert b"as red and blue, may be exchanged" in done.stderr
+    assert "the first frames show the tile Kodak" in done.err
+    assert "as red and blue, may be exchanged" in done.err
 
 
 def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: Path) -> None:

@@ -91,6 +91,32 @@ def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, na
     assert foreseen / 2 < peak < foreseen
 
 
+ENCODED = """
+import re, sys
+from pathlib import Path
+from tests.tools.pictures.examples import encoded, scene
+from tools.pictures.kind import PictureKind
+
+def status(name):
+    return int(re.search(name + r":\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) * 1024
+
+kind, picture = PictureKind.of(sys.argv[1], int(sys.argv[2])), scene((1500, 1500))
+encoded(picture[:9, :9], kind)  # libraries are loaded
+Path("/proc/self/clear_refs").write_text("5")  # the peak begins here
+before = status("VmRSS")
+encoded(picture, kind)
+print(status("VmHWM") - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read as Linux tells it")
+@pytest.mark.parametrize(("name", "bits"), [("exr", "16"), ("png", "16")])
+def test_a_picture_that_is_held_as_a_whole_takes_no_more_than_is_said(name: str, bits: str) -> None:
+    """Of small frames the rendering needs more: only those of 100 megapixels would show it."""
+    foreseen = FORMATS[name].memory((1500, 1500), 3, 0, 1)
+    assert foreseen / 4 < int(run_python(ENCODED, name, bits)) < foreseen
+
+
 def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a rendering of that size took when it was measured: 1.9 GB."""
     frame = mosaic(SMALL)
