@@ -54,7 +54,7 @@ def solve_jointly(
                 continue
             for _ in range(constants._ROUNDS):
                 colour = np.clip(seen @ result[row, column], 0.06 * grey, 3 * grey)
-                covariance = fill_error**2 * np.diag(colour) @ near(sites, constants._FILLED) @ np.diag(colour)
+                covariance = fill_error**2 * np.diag(colour) @ near(sites, constants.FILLED) @ np.diag(colour)
                 covariance += (fill_error**2 * mismatch * np.mean(colour**2) + sigma**2) * np.eye(len(sites))
                 design = np.diag(light) @ seen
                 inverse = np.linalg.inv(covariance)
