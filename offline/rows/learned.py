@@ -256,7 +256,7 @@ def network_name(pattern: CfaPattern) -> str | None:
 
     >>> from offline import network_name
     >>> from shared import CfaPattern
-    >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(5))
+    >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(7))
     ('rggb-k6', None)
     """
     path = network_for(pattern)

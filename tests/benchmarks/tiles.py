@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.tiles SCENE... -o DIR --crop 252
 
-The network of `best` is trained for three of these tiles only; `--method unlearned` compares tiles alone. Results are kept in DIR.
+`best` has networks for some of these tiles only; `--method unlearned` compares tiles alone. Results are kept in DIR.
 """
 
 import argparse

@@ -25,6 +25,7 @@ from tests.scenes import leaves
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()
 ONES = np.ones(3, np.float32)
+TILES = [*map(CfaPattern.bayer, (4, 5, 6, 8)), CfaPattern.with_block(("RG", "BW"), 4), CfaPattern.of_letters("kodak")]
 LEAVES = leaves(220, 330)
 # The same sums in another order, where a tile begins elsewhere.
 FLOAT32 = 2e-5
@@ -58,13 +59,26 @@ def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
     return learned(pattern, sites)(part, (0, len(rgb))).chromaticity
 
 
-@pytest.mark.parametrize("period", [4, 6, 8])
+@pytest.mark.parametrize("period", [4, 5, 6, 8])
 def test_there_is_a_network_for_bayer_blocks(period: int) -> None:
     assert {network_name(CfaPattern.bayer(period, order)) for order in ("RGGB", "GRBG", "GBRG", "BGGR")} == {f"rggb-k{period}"}
     assert network_name(CfaPattern.bayer(7)) is None
     assert network_name(CfaPattern.with_block(("RG", "WB"), period)) is None
     assert network_name(CfaPattern.with_block(("RGB",), period)) is None
     assert network_name(CfaPattern.with_block(("RGGB",), period)) is None
+
+
+def test_there_is_a_network_for_a_block_of_three_sites() -> None:
+    images = ("RG", "BW"), ("GR", "WB"), ("BW", "RG"), ("WB", "GR")
+    assert {network_name(CfaPattern.with_block(block, 4)) for block in images} == {"rgbw-k4"}
+    assert network_name(CfaPattern.with_block(("RB", "GW"), 4)) is None
+
+
+def test_there_is_a_network_for_kodaks_tile_and_its_mirror_images() -> None:
+    tile = CfaPattern.of_letters("kodak").tile
+    images = [tile, tile[::-1], tuple(row[::-1] for row in tile), tuple(row[::-1] for row in tile[::-1])]
+    assert {network_name(CfaPattern(image)) for image in images} == {"gwrwwgwrbwgwwbwg-k4"}
+    assert network_name(CfaPattern.of_letters("sony")) is None
 
 
 def test_all_networks_together_are_small() -> None:
@@ -76,12 +90,14 @@ def test_a_pattern_without_a_network_is_rendered_without() -> None:
     assert np.array_equal(render(mosaic).rgb, render(mosaic, WITHOUT).rgb)
 
 
-@pytest.mark.parametrize(("order", "axes"), [("GRBG", (1,)), ("GBRG", (0,)), ("BGGR", (0, 1))])
-def test_the_other_orders_are_mirror_images(order: str, axes: tuple[int, ...]) -> None:
-    rgb = scene(96, 108)
-    expected = np.flip(refined(rgb, CfaPattern.bayer(6, origin=(2, 2))), axes)
-    found = refined(np.ascontiguousarray(np.flip(rgb, axes)), CfaPattern.bayer(6, order, origin=(2, 2)))
-    assert_close(found, expected, FLOAT32)
+@pytest.mark.parametrize("axes", [(1,), (0,), (0, 1)])
+@pytest.mark.parametrize("pattern", TILES, ids=network_name)
+def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int, ...]) -> None:
+    rgb = scene(16 * pattern.period, 18 * pattern.period)
+    letters = np.flip(np.array([list(row) for row in pattern.letters_from()]), axes)
+    image = CfaPattern(tuple("".join(row) for row in letters.tolist()))
+    found = refined(np.ascontiguousarray(np.flip(rgb, axes)), image)
+    assert_close(found, np.flip(refined(rgb, pattern), axes), FLOAT32)
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2), (5, 4)])
@@ -197,11 +213,11 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
     assert with_it < 0.9 * without
 
 
-@pytest.mark.parametrize("period", [4, 6, 8])
+@pytest.mark.parametrize("pattern", TILES, ids=network_name)
 @pytest.mark.parametrize("light", [0.0, 0.3, -0.01])
-def test_where_nothing_changes_nothing_is_corrected(period: int, light: float) -> None:
+def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: float) -> None:
     """Flat to the last bit: there is no activity, and no division by it."""
-    rgb, pattern = np.full((90, 96, 3), light, np.float32), CfaPattern.bayer(period)
+    rgb = np.full((90, 96, 3), light, np.float32)
     part, sites = measured(np.ones_like(rgb), pattern)
     flat = replace(part, luminance=np.full_like(part.luminance, light), missed=np.zeros_like(part.luminance))
     assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, part.chromaticity, 1e-6)
