@@ -26,7 +26,7 @@ def graphs(pattern: CfaPattern) -> list[tuple[int, bool]]:
 
 
 def probe() -> dict[str, np.ndarray]:
-    """Name -> pictures of noise, the hardest scene, and the samples of a saved shot; for every pattern, graph and packing."""
+    """Name -> pictures of noise, the hardest scene, and samples of a shot; for every pattern, its graphs and every packing."""
     made: dict[str, np.ndarray] = {"onnxruntime": np.array(runtime.onnxruntime.__version__)}
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:
@@ -42,7 +42,8 @@ def probe() -> dict[str, np.ndarray]:
             data = np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
             mosaic = Sensor(layout, pattern, calibration).mosaic(RawFrame.now(data))
             pictures = {
-                (scale, linear): Preview(pattern, scale, linear=linear, threads=2).run(mosaic) for scale, linear in graphs(pattern)
+                (scale, linear): Preview(pattern, scale, linear=linear, threads=2).run(mosaic)
+                for scale, linear in (graphs(pattern) if layout is LAYOUTS[0] else [(1, False)])
             }
             made |= {f"{name} {layout.format} {scale}{' linear' * linear}": each for (scale, linear), each in pictures.items()}
             shot = encode_dng(mosaic, np.asarray(pictures[1, False], np.uint8))

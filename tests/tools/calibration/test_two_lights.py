@@ -75,6 +75,7 @@ def test_a_third_light_has_nearly_the_colours_of_a_matrix_fitted_there(bench: tu
     assert max(lost) > LOST
 
 
+@pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
 def test_it_is_shown_and_a_shot_states_both_matrices(bench: tuple[str, Path], tmp_path: Path) -> None:
     camera, folder = bench
     lines = run("inspect", folder / "camera.json").out.splitlines()
@@ -107,6 +108,7 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: tuple[str, Path], tm
             assert (kind, x, y) == pytest.approx((0, *each.white), abs=1e-6)
 
 
+@pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
 def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(bench: tuple[str, Path], tmp_path: Path) -> None:
     """LibRaw takes the matrix for the light nearest to daylight, whatever the shot's; so the file states the one of the shot."""
     camera, folder = bench

@@ -60,12 +60,14 @@ def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
     return load_scene(write_dng(path / "a.dng", *arguments, **options))
 
 
+PLACES = [(0, 1), (1, 0), (1, 1), (3, 2)]
+
+
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
     return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-@pytest.mark.parametrize(("rows", "columns"), [(60, 80), (61, 83)])
+@pytest.mark.parametrize(("order", "rows", "columns"), [(BAYER_ORDERS[0], 60, 80), *((order, 61, 83) for order in BAYER_ORDERS)])
 def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: int, columns: int) -> None:
     samples = noise(rows, columns)
     scene = loaded(tmp_path, samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])})
@@ -77,8 +79,10 @@ def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: in
         np.testing.assert_allclose(scene.rgb[row, column], expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-@pytest.mark.parametrize(("top", "left"), [(0, 1), (1, 0), (1, 1), (3, 2)])
+@pytest.mark.parametrize(
+    ("order", "top", "left"),
+    [(order, *place) for shift in (0, 1) for order, place in zip(BAYER_ORDERS, [*PLACES[shift:], *PLACES[:shift]], strict=True)],
+)
 def test_the_visible_area_may_begin_anywhere(tmp_path: Path, order: str, top: int, left: int) -> None:
     """Every sample tells its filter, so that a wrong phase would show; LibRaw may begin later than the file says."""
     phase = {"R": 1000, "G": 2000, "B": 3000}

@@ -47,7 +47,7 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     assert shown(shot) == expected
     (facts,) = run("inspect", "--json", shot).records
     assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
-    for kind in ("tif", "jpg", "png", "dng"):
+    for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):  # from the same shot
         assert run("render", shot, "-o", tmp_path / kind, "-f", kind, "--preset", "paper").code == 0
         result = tmp_path / kind / f"source.{kind}"
         assert shown(result) == expected, kind
