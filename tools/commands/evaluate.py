@@ -138,7 +138,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
     from tools.evaluation.methods import choose, default_names, missing_packages
-    from tools.evaluation.scene_sets import Reading, distinct, expand
+    from tools.evaluation.scene_sets import Reading
     from tools.evaluation.study import Study
 
     protocol, wanted = protocol_of(arguments)
@@ -152,16 +152,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     tiles = _tiles(arguments)
     channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
-    sources, left_out = expand(arguments.scenes, Path(arguments.output))
-    if uses_scheduler(arguments):
-        sources = [absolute_path(source) for source in sources]
-    scenes, failures = team.read(sources, reading)
-    scenes, remarks = distinct(scenes)
-    left_out += remarks
-    for remark in left_out:
-        console.note(remark)
-    if not scenes:
-        raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
+    sources = [absolute_path(each) for each in arguments.scenes] if uses_scheduler(arguments) else arguments.scenes
+    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
     study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, arguments.seed, reading)
     made, without = study.remarks()
     for remark in (*made, *without):

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, count
@@ -128,7 +129,7 @@ def digest(rgb: FloatArray) -> str:
     return total.hexdigest()[:32]
 
 
-def expand(sources: list[str], output: Path) -> tuple[list[str], list[str]]:
+def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     """The sources, each folder replaced by the scenes in and below it; and a remark on each folder of which a part is left out.
 
     output: a folder that is not searched.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
@@ -13,7 +14,7 @@ from tools.host.processes import Processes
 from tools.host.progress import StageProgress
 from tools.host.work import Workers, follow
 
-from .scene_sets import Reading, SceneInfo
+from .scene_sets import Reading, SceneInfo, distinct, expand
 from .study import Task, work
 
 T = TypeVar("T")
@@ -49,10 +50,17 @@ class Team:
         """How many processes fit into the memory when the largest scene has `pixels` pixels; at least 1."""
         return max(1, min(self.jobs, self.memory // needed_memory(pixels)))
 
-    def read(self, sources: Sequence[str], reading: Reading) -> tuple[list[SceneInfo], list[str]]:
-        """The scenes that can be read, in the given order, and a line for each source that cannot; it is shown to the user too."""
+    def read(self, sources: Sequence[str], output: Path, reading: Reading) -> tuple[list[SceneInfo], list[str], list[str]]:
+        """The scenes that can be read, each once, in the given order; a line for each source that cannot, and one for each that is
+        left out. The user is shown the lines, too.
+
+        sources: files, and folders of them.
+        output: a folder that is not searched.
+        Raises InputError as `expand` does, and where no scene can be read.
+        """
+        names, left_out = expand(sources, output)
         scenes, failures = [], []
-        for source, info in self._follow("reading scenes", reading.info, sources, _USUAL_PIXELS):
+        for source, info in self._follow("reading scenes", reading.info, names, _USUAL_PIXELS):
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
@@ -61,7 +69,13 @@ class Team:
             else:
                 scenes.append(info)
         self.console.notes((scene.source, scene.notes) for scene in scenes)
-        return scenes, failures
+        scenes, remarks = distinct(scenes)
+        left_out += remarks
+        for remark in left_out:
+            self.console.note(remark)
+        if not scenes:
+            raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
+        return scenes, failures, left_out
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
         """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""

@@ -1,11 +1,13 @@
-"""A picture of the tile that repeats over a sensor: how bright its sites are, and which filter each of them has."""
+"""Pictures of the tile that repeats over a sensor: which filter each site has, and how bright its sites are."""
 
 from collections.abc import Sequence
+from html import escape
 from io import BytesIO
 
 import numpy as np
 
 from shared.arrays import DoubleArray
+from shared.pattern import PANCHROMATIC
 
 _SIDE, _CELL = 480, (56, 120)  # pixels: of the picture, about; of a site, at least and at most
 _PAPER, _EDGE, _INK = (255, 255, 255), (24, 24, 27), (24, 24, 27)
@@ -20,6 +22,8 @@ _FILTERS = {
     "W": (255, 255, 255),
 }
 _OTHER = (161, 161, 170)
+_FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
+_SQUARE = 12  # SVG units of a site of a drawn tile
 
 
 def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
@@ -48,3 +52,17 @@ def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
     file = BytesIO()
     picture.save(file, "PNG")
     return file.getvalue()
+
+
+def tile_picture(tile: Sequence[str]) -> str:
+    """Return the SVG element of one tile, K rows of K letters. Filters without a colour of their own name get a hue each."""
+    squares, side = "", len(tile) * _SQUARE
+    others = sorted(set("".join(tile)) - set(_FILLS))
+    for row_, letters in enumerate(tile):
+        for column, letter in enumerate(letters):
+            fill = _FILLS.get(letter) or f"hsl({360 * others.index(letter) / len(others):.0f} 55% 45%)"
+            x, y = column * _SQUARE, row_ * _SQUARE
+            squares += f'<rect x="{x}" y="{y}" width="{_SQUARE}" height="{_SQUARE}" fill="{fill}"/>'
+            if letter != PANCHROMATIC:
+                squares += f'<text x="{x + _SQUARE / 2:g}" y="{y + 0.77 * _SQUARE:g}">{escape(letter)}</text>'
+    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'

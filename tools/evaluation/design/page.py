@@ -8,10 +8,10 @@ import numpy as np
 from tools.pictures.html import cell, data_address, figure, row, row_title, table
 from tools.pictures.page import report
 from tools.pictures.plot import Plot, round_step, ticks
+from tools.pictures.tile_map import tile_picture
 
 from ..figures import Figures as Measured
 from ..page.gallery import WHY_PATTERNS, Exhibit
-from ..page.page import tile_picture
 from .judge import Figures
 from .proposals import Proposal, front
 from .slow import SLOW, slow_figures, spearman

@@ -7,11 +7,10 @@ import numpy as np
 
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
-from tools.scenes.scene import RGB
 
 from ..criteria import CRITERIA
 from ..figures import Figures
-from ..scene_sets import Reading, distinct, expand
+from ..scene_sets import Reading
 from ..study import Study, collect, tasks
 from ..team import Team
 from ..tiles import Tile
@@ -42,13 +41,7 @@ def photographed(
     seed: of the noise.
     method: name of the render.
     """
-    names, left_out = expand(sources, folder)
-    scenes, _ = team.read(names, reading)
-    scenes, remarks = distinct([scene for scene in scenes if scene.channels == RGB])
-    for remark in (*left_out, *remarks):
-        team.console.note(remark)
-    if not scenes:
-        raise InputError("no photograph could be read; the lines above say why")
+    scenes, _, _ = team.read(sources, folder, reading)
     study = Study(tuple(scenes), (method,), tuple(levels), tuple(tiles), seed, reading)
     team.measure(tasks(study, folder)[0])
     results = collect(study, folder)

@@ -6,9 +6,9 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from shared.pattern import PANCHROMATIC
 from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 from tools.pictures.page import page
+from tools.pictures.tile_map import tile_picture
 
 from ..claims import claims
 from ..criteria import CRITERIA
@@ -39,8 +39,6 @@ from .gallery import REASONS, WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rend
 from .plots import noise_plots
 
 _HERE = files("tools.evaluation.page")
-_FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
-_SIDE = 12  # SVG units of a pixel of a pattern
 _CHOSEN = "The squares shown are those where our lead on the best rival, and its lead on ours, are largest."
 
 
@@ -212,20 +210,6 @@ def _card(study: Study, tile: Tile) -> str:
         f'<figure class="tile">{tile_picture(tile.pattern.tile)}<figcaption><b>{escape(tile.name)}</b><br>'
         f"{100 * tile.panchromatic_share:.0f} % W<br>{collected}</figcaption></figure>"
     )
-
-
-def tile_picture(tile: Sequence[str]) -> str:
-    """Return the SVG element of one tile, K rows of K letters. Filters without a colour of their own name get a hue each."""
-    squares, side = "", len(tile) * _SIDE
-    others = sorted(set("".join(tile)) - set(_FILLS))
-    for row_, letters in enumerate(tile):
-        for column, letter in enumerate(letters):
-            fill = _FILLS.get(letter) or f"hsl({360 * others.index(letter) / len(others):.0f} 55% 45%)"
-            x, y = column * _SIDE, row_ * _SIDE
-            squares += f'<rect x="{x}" y="{y}" width="{_SIDE}" height="{_SIDE}" fill="{fill}"/>'
-            if letter != PANCHROMATIC:
-                squares += f'<text x="{x + _SIDE / 2:g}" y="{y + 0.77 * _SIDE:g}">{escape(letter)}</text>'
-    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'
 
 
 def _gallery_section(exhibits: Sequence[Exhibit]) -> str:
