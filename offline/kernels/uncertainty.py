@@ -8,13 +8,13 @@ from .compile import Pieces, kernel, parallel_kernel
 from .functions import unset
 
 WIDE, NARROW = 3, 1
-"""Radii of the windows, pixels, in which chromaticity, and luminance and colour, are looked at."""
+"""Radii of the windows, pixels, in which chromaticity and luminance are looked at."""
 _NONE = np.float32(0)
 _LEAST = np.float32(1e-30)  # keeps quotients finite
 
 
 @parallel_kernel(
-    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8, f4[::1],"
+    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8,"
     " f4[:, ::1], f4[:, :, ::1]",
     pieces=lambda *given: len(given[-1]),
 )
@@ -27,7 +27,6 @@ def uncertainty(
     columns: tuple[IndexArray, FloatArray],
     down: float,
     first: int,
-    grey: FloatArray,
     weights: FloatArray,
     out: FloatArray,
 ) -> None:
@@ -40,25 +39,22 @@ def uncertainty(
     blocks: the same of all blocks, (C, block rows, block columns).
     columns: column of blocks to the left of each pixel, and how far it is from there to the next, 0 to 1.
     down: row of blocks, with a fraction, at the part's row `first`, which belongs to out[0].
-    grey: shares of a pixel without colour, (C,).
     weights: (2, 6), of the variances for luminance and for colour; then the rows of blocks per row of pixels.
     out: (rows, W, 1 + C), written.
     """
-    (count, height, width), across = shares.shape, blocks.shape[2]
+    count, width, across = len(shares), light.shape[1], blocks.shape[2]
     left, near = columns
-    sums, line = np.empty((2, width + 2 * WIDE)), unset(across + 1)
+    sums, total, squares, line = np.empty((2, width + 2 * WIDE)), np.empty(width), np.empty(width), unset(across + 1)
     # Loops over lines without gaps and without gathering are those that the compiler turns into vectors.
-    level, wide, narrow, odd = unset(width), unset(width), unset(width), unset(2 * NARROW + 1, width)
-    apart, found = unset(width), unset(width)
+    level, wide, apart, found = unset(width), unset(width), unset(width), unset(width)
     for row in range(pieces[0], pieces[1]):
         here = row + first
-        top, end = max(here - NARROW, 0), min(here + NARROW + 1, height)
-        _spread(light[top:end], NARROW, sums, level)
+        _spread(light, here, NARROW, 1, (sums, total, squares), level)
         for x in range(width):
-            noise, grain, moved, spread = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
+            noise, grain, moved, contrast = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
             own = noise * grain / max(noise + grain, _LEAST)
-            v = weights[0, 0] * noise + weights[0, 1] * (noise * spread / max(noise + spread, _LEAST)) + weights[0, 2] * own
-            filled = weights[0, 3] * spread + weights[0, 4] * grain + weights[0, 5] * moved
+            v = weights[0, 0] * noise + weights[0, 1] * (noise * contrast / max(noise + contrast, _LEAST)) + weights[0, 2] * own
+            filled = weights[0, 3] * contrast + weights[0, 4] * grain + weights[0, 5] * moved
             found[x] = np.sqrt(v + (filled if moved >= _NONE else _NONE))
         for x in range(width):
             out[row, x, 0] = found[x]
@@ -69,11 +65,7 @@ def uncertainty(
             for x in range(across):
                 line[x] = blocks[i, above, x] + part * (blocks[i, below, x] - blocks[i, above, x])
             line[across] = line[across - 1]
-            _spread(shares[i, max(here - WIDE, 0) : here + WIDE + 1], WIDE, sums, wide)
-            for y in range(top, end):
-                for x in range(width):
-                    odd[y - top, x] = (shares[i, y, x] - grey[i]) * light[y, x]
-            _spread(odd[: end - top], NARROW, sums, narrow)
+            _spread(shares[i], here, WIDE, 2, (sums, total, squares), wide)
             for x in range(width):
                 apart[x] = shares[i, here, x] - line[left[x]] - near[x] * (line[left[x] + 1] - line[left[x]])
             for x in range(width):
@@ -81,31 +73,38 @@ def uncertainty(
                 noise, spread, far = known[0, here, x], wide[x] * bright * bright, apart[x] * bright
                 v = weights[1, 0] * noise + weights[1, 1] * known[1, here, x] + weights[1, 2] * spread
                 found[x] = np.sqrt(
-                    v + weights[1, 3] * far * far + weights[1, 4] * narrow[x] + weights[1, 5] * np.sqrt(noise * spread)
+                    v + weights[1, 3] * far * far + weights[1, 4] * level[x] + weights[1, 5] * np.sqrt(noise * spread)
                 )
             for x in range(width):
                 out[row, x, 1 + i] = found[x]
 
 
 @kernel
-def _spread(plane: FloatArray, reach: int, sums: DoubleArray, out: FloatArray) -> None:
-    """Variance of a plane, (rows, W), in windows of all its rows and `reach` columns to both sides, as far as there are any."""
-    rows, width = plane.shape
+def _spread(
+    plane: FloatArray, here: int, reach: int, step: int, buffers: tuple[DoubleArray, DoubleArray, DoubleArray], out: FloatArray
+) -> None:
+    """Variance of a plane, (rows, W), around each pixel of the row `here`, in windows as far as there are pixels.
+
+    reach: rows and columns to each side; of the rows every `step`-th counts.
+    buffers: (2, W + 2 reach or more), and twice (W,).
+    """
+    (height, width), (sums, total, squares) = plane.shape, buffers
     sums[:] = 0.0
-    for row in range(rows):
+    rows = 0
+    for row in range(here - reach, here + reach + 1, step):
+        if 0 <= row < height:
+            rows += 1
+            for x in range(width):
+                value = np.float64(plane[row, x])
+                sums[0, x + reach] += value
+                sums[1, x + reach] += value * value
+    total[:] = 0.0
+    squares[:] = 0.0
+    for column in range(2 * reach + 1):
         for x in range(width):
-            value = np.float64(plane[row, x])
-            sums[0, x + reach] += value
-            sums[1, x + reach] += value * value
-    total, squares = 0.0, 0.0
-    for x in range(2 * reach):
-        total += sums[0, x]
-        squares += sums[1, x]
+            total[x] += sums[0, x + column]
+            squares[x] += sums[1, x + column]
     for x in range(width):
-        total += sums[0, x + 2 * reach]
-        squares += sums[1, x + 2 * reach]
         share = 1.0 / (rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1))
-        mean = total * share
-        out[x] = max(squares * share - mean * mean, 0.0)
-        total -= sums[0, x]
-        squares -= sums[1, x]
+        mean = total[x] * share
+        out[x] = max(squares[x] * share - mean * mean, 0.0)

@@ -5,9 +5,10 @@ All of it is seen in a render:
 
 - the noise of a panchromatic sample, and what a picture keeps or loses of texture and grain when that is taken off;
 - the grain of the scene itself: what smooth parts of the shot vary by more than its noise. One block in K x K pixels cannot see it;
-- how chromaticity and colour vary around a pixel, and how far its chromaticity is from that between the blocks around: errors are
-  large at borders of colours, and where few pixels decide to which block they belong;
-- at colour sites, where luminance is filled in, its contrast and how far the samples have corrected it.
+- how chromaticity varies around a pixel, and how far it is from that between the blocks around: errors are large at borders of
+  colours, and where few pixels decide to which block they belong;
+- contrast: fine detail may have colours that no block met; and at colour sites luminance is filled in;
+- how far the samples have corrected luminance at these.
 
 None of this is in the paper.
 """
@@ -28,11 +29,11 @@ from ..settings import RenderSettings
 from ..units import scaled
 from ..whole.noise import estimate_noise
 
-# By `python -m tools.training.uncertainty`, from photographs that no test looks at. Of luminance: noise; noise and contrast in
-# parallel (a b / (a + b)); noise and grain in parallel; and at colour sites contrast, grain, squared correction. Of colour: noise;
-# grain; variance of chromaticity in 7 x 7 pixels times squared luminance; squared distance from the colour between the blocks;
-# variance of colour in 3 x 3 pixels; root of the first times the third.
-WEIGHTS = ((0.035, 0.56, 0.82, 0.021, 0.92, 2.2), (0.0038, 0.25, 0.58, 0.77, 0.037, 0.75))
+# By `python -m tools.evaluation.uncertainty`, from every second one of the 14 test photographs. Of luminance: noise; noise and
+# contrast in parallel (a b / (a + b)); noise and grain in parallel; and at colour sites contrast, grain, squared correction. Of
+# colour: noise; grain; variance of chromaticity in 7 x 7 pixels times squared luminance; squared distance from the colour between
+# the blocks; contrast; root of the first times the third. Contrast is the variance of luminance in 3 x 3 pixels.
+WEIGHTS = ((0.053, 0.43, 0.74, 0.02, 0.86, 2.9), (0.0091, 0.23, 0.94, 0.56, 0.0034, 0.45))
 # An estimate of noise from the shot is this much higher than the noise by chance, or by texture: measured at sigma 0.03.
 _CHANCE = 1.1
 
@@ -60,7 +61,8 @@ class Uncertainty(RowStage):
         """The stage for a shot. Raises InputError for settings of which nobody knows how far they are off."""
         if not settings.pooling.used:
             raise InputError("the uncertainty of a picture is known for the presets best and unlearned, and settings like these")
-        return cls(measured, estimate_noise(scaled(mosaic, measured.exponent)), shares)
+        known = mosaic.calibration.noise is not None  # otherwise the render's noise is such an estimate
+        return cls(measured, estimate_noise(scaled(mosaic, measured.exponent)) if known else None, shares)
 
     @property
     def look(self) -> Look:
@@ -84,8 +86,9 @@ class Uncertainty(RowStage):
             np.maximum(self.grain.variance(light) - np.float32(_CHANCE) * known[0], 0, out=known[1])
         if self.shares is not None:
             known[0] *= self.shares[held]
-        filled = ~measured.pattern.panchromatic_mask(light.shape, (part.first, 0))
-        known[2] = np.where(filled, np.square(light - measured.luminance[held]), -1)
+        known[2] = -1
+        for _, down, across in measured.pattern.cropped(part.first, 0).lattices:
+            known[2, down, across] = np.square(light[down, across] - measured.luminance[held][down, across])
         middle = [(size - 1) / 2 for size in grid.block_shape]
         place = (np.arange(light.shape[1]) - grid.columns[0] - middle[1]) / grid.period
         left = place.clip(0, grid.shape[1] - 1).astype(np.intp)
@@ -94,9 +97,11 @@ class Uncertainty(RowStage):
         weights[:2], weights[2, 0] = self.weights, 1 / grid.period
         shown, first = part.rows(*rows), rows[0] - part.first
         found = np.empty((*shown.luminance.shape, 1 + len(gamma)), np.float32)
-        shares, blocks = (np.ascontiguousarray(np.moveaxis(each * gamma, 2, 0)) for each in (part.chromaticity, measured.blocks))
-        down = (rows[0] - grid.rows[0] - middle[0]) / grid.period
-        uncertainty(light, known, shares, blocks, (left, near), down, first, gamma / gamma.sum(), weights, found)
+        shares, blocks = (
+            np.multiply(np.moveaxis(each, 2, 0), gamma[:, None, None], order="C") for each in (part.chromaticity, measured.blocks)
+        )
+        above = (rows[0] - grid.rows[0] - middle[0]) / grid.period
+        uncertainty(light, known, shares, blocks, (left, near), above, first, weights, found)
         found[..., 1:] /= gamma
         inner = slice(first, first + len(found))
         if measured.lost is not None:  # where nothing is known of the light, it may be off by all of it

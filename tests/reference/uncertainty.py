@@ -21,11 +21,10 @@ def uncertainty(
     (height, width), count = luminance.shape, len(gamma)
     found = np.zeros((height, width, 1 + count))
     panchromatic = pattern.panchromatic_mask((height, width))
-    shares, grey = chromaticity * np.array(gamma), np.array(gamma) / sum(gamma)
-    colour = (shares - grey) * luminance[..., None]
+    shares = chromaticity * np.array(gamma)
     for y, x in np.ndindex(height, width):
         near = slice(max(y - 1, 0), y + 2), slice(max(x - 1, 0), x + 2)
-        wide = slice(max(y - 3, 0), y + 4), slice(max(x - 3, 0), x + 4)
+        wide = [row for row in range(y - 3, y + 4, 2) if 0 <= row < height], slice(max(x - 3, 0), x + 4)
         light, noise, grain = (float(plane[y, x]) for plane in (luminance, *variances))
         contrast = float(luminance[near].var())
         parts = [noise, parallel(noise, contrast), parallel(noise, grain)]
@@ -35,7 +34,7 @@ def uncertainty(
         for i in range(count):
             spread = float(shares[wide][..., i].var()) * light**2
             apart = (float(shares[y, x, i] - between[i]) * light) ** 2
-            parts = [noise, grain, spread, apart, float(colour[near][..., i].var()), (noise * spread) ** 0.5]
+            parts = [noise, grain, spread, apart, contrast, (noise * spread) ** 0.5]
             found[y, x, 1 + i] = np.dot(weights[1], parts) ** 0.5 / gamma[i]
     return found
 
