@@ -138,6 +138,16 @@ def test_black_print_stays_black(letters: str, sigma: float) -> None:
     assert tint.max() < 0.2
 
 
+def test_white_print_on_black_has_less_colour() -> None:
+    """Estimates of dark paper keep some noise. If that spoke against its line, the tint would be 0.5."""
+    shape, sigma = (240, 240), 0.01
+    noise = np.random.default_rng(1).normal(scale=sigma, size=shape)
+    mosaic = observe(printed(shape, np.full(3, 0.8), np.full(3, 0.06)), CfaPattern.bayer(6), noise=noise)
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
+    rgb = render(mosaic, replace(BEST, learned=replace(BEST.learned, used=False))).rgb
+    assert np.quantile(np.abs(rgb - rgb.mean(axis=2, keepdims=True)), 0.999) < 0.42
+
+
 def test_what_is_clipped_is_on_no_line() -> None:
     scene = printed((90, 90), np.full(3, 0.06), np.full(3, 0.8))
     scene[:, 60:] = 2.0

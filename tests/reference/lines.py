@@ -82,7 +82,9 @@ def colour_lines(
 
     expected = even + strokes
     own = (apart(seen - offset - slope * light) - (count - 1) * variance) / expected
-    estimated = apart(coarse.reshape(-1, count) * weights * mean[:, None] - offset - slope * mean[:, None]) / expected
+    printed = around @ strokes / np.maximum(around @ strokes + constants._PRINT * variance, 1e-30)
+    left = constants._LEFT * printed**2 * variance
+    estimated = apart(coarse.reshape(-1, count) * weights * mean[:, None] - offset - slope * mean[:, None]) / (expected + left)
     informed = (expected / (expected + (count - 1) * variance)) ** 2
     told = around @ informed
     chi = (
