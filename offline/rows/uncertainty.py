@@ -36,6 +36,10 @@ from ..whole.noise import estimate_noise
 WEIGHTS = ((0.053, 0.43, 0.74, 0.02, 0.86, 2.9), (0.0091, 0.23, 0.94, 0.56, 0.0034, 0.45))
 # An estimate of noise from the shot is this much higher than the noise by chance, or by texture: measured at sigma 0.03.
 _CHANCE = 1.1
+# Frames of a burst lie fractions of a pixel apart, so that luminance gains less from them than their noise does; and they show
+# colour where one has no sites. Exponents of the share of the noise that is left, chosen on a burst of eight: of the errors of
+# luminance at sigma 0.01 70 % instead of 60 % lie within, of those of colour without noise 82 % instead of 87 %.
+_MERGED, _SHOWN = 2 / 3, 1 / 3
 
 
 @dataclass(eq=False)
@@ -44,7 +48,7 @@ class Uncertainty(RowStage):
 
     measured: of the frame.
     grain: the noise that smooth parts of the shot show, in the frame's units; None = as much as is known.
-    shares: variance of the noise of luminance relative to a single frame's, (H, W); None = it is one.
+    shares: variance that is left of the noise, relative to a single frame's, (H, W); None = it is one.
     weights: (2, 6), of what foretells errors, see `WEIGHTS`.
     """
 
@@ -62,7 +66,12 @@ class Uncertainty(RowStage):
         if not settings.pooling.used:
             raise InputError("the uncertainty of a picture is known for the presets best and unlearned, and settings like these")
         known = mosaic.calibration.noise is not None  # otherwise the render's noise is such an estimate
-        return cls(measured, estimate_noise(scaled(mosaic, measured.exponent)) if known else None, shares)
+        grain = estimate_noise(scaled(mosaic, measured.exponent)) if known else None
+        if shares is None:
+            return cls(measured, grain)
+        luminance, (noise, own, *seen, both) = WEIGHTS
+        colour = noise, own, *(float(shares.mean()) ** _SHOWN * each for each in seen), both
+        return cls(measured, grain, shares ** np.float32(_MERGED), (luminance, colour))
 
     @property
     def look(self) -> Look:
@@ -114,7 +123,7 @@ class Uncertainty(RowStage):
 def with_uncertainty(mosaic: Mosaic, stages: Stages, shares: FloatArray | None = None) -> Stages:
     """These stages, and after them the one that states how far the picture of a shot may be off.
 
-    shares: see `Uncertainty`.
+    shares: of a burst, variance of the noise of luminance relative to a single frame's, (H, W).
     Raises InputError, when the stages are made, for settings that do not pool colour, such as those of the preset paper.
 
     >>> import numpy as np
