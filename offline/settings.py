@@ -82,6 +82,7 @@ class LuminanceSettings(StageSettings):
     threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too). It is
         larger in frames brighter than 3 scene units: half of what they exceed 1 by.
     relative: the threshold is a multiple of the brightest sample instead, so that the picture does not depend on the exposure.
+    learned: a network that has seen photographs corrects what is filled in under blocks of 2 x 2 sites (`whole.filling`).
     """
 
     kernels = "fill_blocks", "shrink_margins"
@@ -90,6 +91,7 @@ class LuminanceSettings(StageSettings):
     decay: float = 2**-0.25
     threshold: float = 1.0
     relative: bool = False
+    learned: bool = False
 
     def __post_init__(self) -> None:
         require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
@@ -330,12 +332,15 @@ BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
     defects=DefectSettings(listed=True, contrast=5.0),
     highlights=HighlightSettings(restored=True),
-    luminance=LuminanceSettings(threshold=8 / 3, relative=True, iterations=62),  # the last one is 7e-5 of the brightest sample
+    luminance=LuminanceSettings(
+        threshold=8 / 3, relative=True, iterations=62, learned=True
+    ),  # the last: 7e-5 of the brightest sample
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
 ).switched(True)
-PRESETS = {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}
-"""The presets by name; unlearned is best without the network that corrects colour."""
+UNLEARNED = replace(BEST, learned=PAPER.learned, luminance=replace(BEST.luminance, learned=False))
+PRESETS = {"best": BEST, "unlearned": UNLEARNED, "paper": PAPER}
+"""The presets by name; unlearned is best without networks."""

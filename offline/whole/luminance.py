@@ -11,6 +11,7 @@ from ..gaussian import smoothed
 from ..kernels.holes import CHUNK, REACH, fill_blocks
 from ..kernels.shrinkage import SLACK, shrink_margins, shrink_once
 from ..settings import LuminanceSettings
+from .filling import refilled
 
 # Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2): one level without decimation is then a tight frame, in which
 # synthesis by the same taps undoes analysis.
@@ -32,6 +33,11 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
 
     Each iteration shrinks wavelet coefficients and restores the measured samples (Eqs. 3-5); the threshold falls by beta each time.
     """
+    luminance = _filled(mosaic, settings, progress)
+    return refilled(luminance, mosaic) if settings.learned else luminance
+
+
+def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> FloatArray:
     pattern, signal = mosaic.pattern, mosaic.signal
     first = _first_threshold(float(signal.max()), settings)
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)

@@ -29,7 +29,13 @@ MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
     "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
-    "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02), "relative": (None, 0.02)},
+    "luminance": {
+        "iterations": (10, 0.02),
+        "decay": (0.95, 0.02),
+        "threshold": (0.05, 0.02),
+        "relative": (None, 0.02),
+        "learned": (None, 0.02),
+    },
     "denoising": {
         "strength": (0.5, 0.02),
         "sizes": ((12,), 0.02),
@@ -88,7 +94,7 @@ def test_every_setting_is_moved() -> None:
 def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
     value, sigma = MOVED[part][knob]
     settings = PRESETS[preset]
-    value = not settings.luminance.relative if knob == "relative" else value
+    value = not getattr(settings.luminance, knob) if knob in {"relative", "learned"} else value
     mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
     moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
     assert moved != settings

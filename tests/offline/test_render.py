@@ -12,7 +12,7 @@ from PIL import Image
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
 from offline.parts import Part, finish
-from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings
+from offline.settings import UNLEARNED, AffinitySettings, ChromaticitySettings, LuminanceSettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.errors import RangeError
 from shared.progress import Progress
@@ -26,7 +26,7 @@ from tests.reference.sensor import luminance_of, observe
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5
 TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
-TIGHT_BEST = replace(BEST, affinity=TIGHT.affinity, learned=PAPER.learned)  # the reference has learned nothing
+TIGHT_BEST = replace(UNLEARNED, affinity=TIGHT.affinity)  # the reference has learned nothing
 # Luminance 5e-5 off moves the weights of pooling, whose exponents it is divided by the noise in.
 DENOISED = 1e-3
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.

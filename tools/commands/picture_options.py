@@ -59,7 +59,7 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         "--preset",
         choices=presets,
         default=presets[0],
-        help="unlearned: best without the network that corrects colour"
+        help="unlearned: best without the networks that correct luminance and colour"
         + "; paper: the published method, literally" * ("paper" in presets),
     )
     add(parser, "max-pixels")

@@ -1,0 +1,85 @@
+"""The network that corrects filled luminance: what it gains, and what it must leave alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from offline import use_threads
+from offline.settings import BEST, UNLEARNED
+from offline.whole.filling import REACH, SIDE, refilled, seen_around
+from offline.whole.luminance import recover_luminance
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.calibration import NoiseModel
+from shared.sensor import simulate_additive
+from tests.scenes import leaves
+
+# As a lens shows them: it has learned from what is seen through one.
+LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))
+
+
+def shot(pattern: CfaPattern, sigma: float = 0.0) -> Mosaic:
+    return simulate_additive(LEAVES, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
+
+
+def filled(mosaic: Mosaic) -> FloatArray:
+    """What the network is given."""
+    return recover_luminance(mosaic, UNLEARNED.luminance)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.03])
+@pytest.mark.parametrize("period", [4, 5, 6, 8])
+def test_it_takes_errors_away_under_blocks_alone(period: int, sigma: float) -> None:
+    mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), sigma)
+    before, after = filled(mosaic), recover_luminance(mosaic, BEST.luminance)
+    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    assert np.array_equal(before[measured], after[measured])
+    truth = LEAVES.sum(axis=2)
+    left = np.square(after - truth)[~measured].mean() / np.square(before - truth)[~measured].mean()
+    assert left < 0.8
+
+
+@pytest.mark.parametrize("letters", ["WBWG/BWGW/WGWR/GWRW", "RGWW/BWWW/WWWW/WWWW", "RGW/GBW/WWW"])
+def test_other_blocks_stay_as_they_were_filled(letters: str) -> None:
+    mosaic = shot(CfaPattern.of_letters(letters))
+    assert np.array_equal(recover_luminance(mosaic, BEST.luminance), filled(mosaic))
+
+
+def test_what_is_flat_stays_flat() -> None:
+    mosaic = shot(CfaPattern.bayer(6), 0.01)
+    flat = np.full(mosaic.shape, 0.7, np.float32)
+    assert np.array_equal(refilled(flat, mosaic), flat)
+
+
+def test_half_the_light_gives_half_the_picture() -> None:
+    mosaic = shot(CfaPattern.bayer(6), 0.01)
+    assert mosaic.calibration.noise is not None
+    noise = NoiseModel(
+        tuple(each / 2 for each in mosaic.calibration.noise.shot), tuple(each / 2 for each in mosaic.calibration.noise.read)
+    )
+    darker = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
+    luminance = filled(mosaic)
+    assert np.array_equal(2 * refilled(luminance * np.float32(0.5), darker), refilled(luminance, mosaic))
+
+
+def test_the_number_of_threads_changes_no_bit() -> None:
+    mosaic = shot(CfaPattern.bayer(4))
+    luminance, found = filled(mosaic), []
+    for threads in (1, 2):
+        use_threads(threads)
+        found.append(refilled(luminance, mosaic))
+    use_threads(1)
+    assert np.array_equal(found[0], found[1])
+
+
+def test_it_sees_contrast_and_noise_in_units_of_contrast() -> None:
+    wide = np.pad(np.arange(400.0, dtype=np.float32).reshape(20, 20), REACH)
+    blocks = np.array([3, 9]), np.array([7])
+    seen, units = seen_around(wide, blocks, NoiseModel((0.0,) * 4, (2.0,) * 4))
+    for place, row in enumerate(blocks[0]):
+        pixels = wide[row : row + SIDE, 7 : 7 + SIDE]
+        assert units[place, 0] == pytest.approx(pixels.std(), rel=1e-5)
+        assert seen[place, :-1] == pytest.approx(((pixels - pixels.mean()) / pixels.std()).ravel(), abs=1e-4)
+        assert seen[place, -1] == pytest.approx(np.log2(1 + 2 / pixels.std()), rel=1e-4)

@@ -1,0 +1,160 @@
+"""Learn what corrects filled luminance, `offline.whole.filling`: `python -m tools.training.luminance FOLDER... -o FILE`.
+
+Photographs and drawings are simulated with tiles of K = 4, 6 and 8, without and with noise, and filled by wavelets. From the pixels
+around each block the network foretells what its sites are off by. The same command with as many threads gives the same weights.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+
+from offline import use_threads
+from offline.settings import UNLEARNED
+from offline.whole.filling import REACH, SIDE, seen_around
+from offline.whole.luminance import recover_luminance
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import BORDER, FloatArray
+from shared.sensor import simulate_additive
+from tools.host.console import Console
+
+from ..scenes.load import load_scene
+from .drawings import drawing
+from .examples import DRAWN, varied
+
+_HIDDEN = 128, 64
+_BLOCKS, _BATCH = 3000, 2048  # taken of a picture; and learned from at a time
+_RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
+_PERIODS, _CLEAN, _SIGMAS = (4, 6, 6, 8), 0.4, (0.003, 0.04)  # drawn: K, the share without noise, and its range otherwise
+_FAINT = 0.1  # scene units: below this light contrast counts less
+_ENERGY = 2.0  # weight of the energy of errors beside their size
+_KEPT_BACK, _REPORT = 20, 1000  # one picture in so many is kept back; steps between two reports
+_OPSET, _IR = 17, 8
+
+Example = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def examples(source: str, number: int) -> Example:
+    """What is seen around some blocks of a picture, what their sites are off by in its units, these units, and the light there."""
+    use_threads(1)
+    random = np.random.default_rng((0, number))
+    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
+    sigma = 0.0 if random.random() < _CLEAN else float(np.exp(random.uniform(*np.log(_SIGMAS))))
+    period = int(random.choice(_PERIODS))
+    origin = random.integers(period, size=2).tolist()
+    mosaic = simulate_additive(scene, CfaPattern.bayer(period, origin=(origin[0], origin[1])), SensorCalibration(), sigma, random)
+    filled = recover_luminance(mosaic, UNLEARNED.luminance)
+    grid = mosaic.pattern.grid(mosaic.shape)
+    seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), (grid.whole_rows, grid.whole_columns), mosaic.calibration.noise)
+    missing = scene.sum(axis=2) - filled
+    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down in range(2) for across in range(2)]
+    light = filled[np.ix_(grid.whole_rows, grid.whole_columns)].reshape(-1, 1)
+    chosen = random.permutation(np.flatnonzero(units[:, 0]))[:_BLOCKS]
+    unit = units[chosen]
+    return seen[chosen].astype(np.float16), np.stack(off, axis=1)[chosen] / unit, unit, light[chosen]
+
+
+def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]) -> nn.Sequential:
+    """The network. parts: what `examples` returns of each source; a picture that is given twice is learned from twice."""
+    torch.manual_seed(0)
+    first = [at if source == DRAWN else sources.index(source) for at, source in enumerate(sources)]
+    learned, kept = (
+        [part for at, part in zip(first, parts, strict=True) if (at % _KEPT_BACK == _KEPT_BACK // 2) == back]
+        for back in (False, True)
+    )
+    seen, off, units, light = (torch.from_numpy(np.concatenate(each)) for each in zip(*learned, strict=True))
+    weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
+    sizes = SIDE**2 + 1, *_HIDDEN
+    layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
+    network = nn.Sequential(*layers, nn.Linear(sizes[-1], 4))
+    optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+    turned = [(_turned(SIDE, turns, flip), _turned(2, turns, flip)) for turns in range(4) for flip in (False, True)]
+    order = np.random.default_rng(0)
+    for step in range(steps):
+        for group in optimiser.param_groups:
+            group["lr"] = _RATE * min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
+        chosen = torch.from_numpy(order.integers(len(seen), size=_BATCH))
+        pixels, sites = turned[order.integers(len(turned))]
+        around = seen[chosen].float()
+        error = network(torch.cat([around[:, pixels], around[:, -1:]], dim=1)) - off[chosen][:, sites]
+        energy = error.square().mean(dim=1, keepdim=True)
+        loss = (weight[chosen] * ((energy + 1e-4).sqrt() + _ENERGY * energy)).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        if (step + 1) % _REPORT == 0 or step + 1 == steps:
+            say(f"step {step + 1}: left {_left(network, kept):.3f} of the energy of errors of pictures kept back")
+    return network
+
+
+def _turned(side: int, turns: int, flip: bool) -> Any:
+    """Which pixel of a square comes to each place when it is turned, and transposed if `flip`."""
+    places = np.rot90(np.arange(side**2).reshape(side, side), turns)
+    return torch.from_numpy((places.T if flip else places).ravel().copy())
+
+
+def _left(network: nn.Sequential, kept: list[Example]) -> float:
+    left, before = 0.0, 1e-30
+    with torch.no_grad():
+        for seen, off, units, _ in kept:
+            error = off - network(torch.from_numpy(seen).float()).numpy()
+            left, before = left + float(np.square(error * units).sum()), before + float(np.square(off * units).sum())
+    return left / before
+
+
+def save(network: nn.Sequential, path: Path) -> None:
+    """Write the network to an ONNX file."""
+    weights = [weight.detach().numpy() for weight in network.parameters()]
+    nodes, given = [], "seen"
+    for layer in range(len(weights) // 2):
+        ends = layer == len(weights) // 2 - 1
+        found = "off" if ends else f"found{layer}"
+        nodes.append(helper.make_node("Gemm", [given, f"weight{layer}", f"bias{layer}"], [found], transB=1))
+        given = f"lit{layer}"
+        nodes += [] if ends else [helper.make_node("Relu", [found], [given])]
+    names = [f"{kind}{layer}" for layer in range(len(weights) // 2) for kind in ("weight", "bias")]
+    stored = [numpy_helper.from_array(weight, name) for name, weight in zip(names, weights, strict=True)]
+    sizes = (("seen", SIDE**2 + 1), ("off", 4))
+    first, last = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["blocks", size]) for name, size in sizes)
+    graph = helper.make_graph(nodes, path.stem, [first], [last], stored)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
+    onnx.checker.check_model(model, full_check=True)
+    path.write_bytes(model.SerializeToString(deterministic=True))
+
+
+def main() -> int:
+    """Learn, and write the file; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m tools.training.luminance", description=__doc__.partition("\n\n")[0])
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help="photographs to learn from, in this folder or below")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
+    parser.add_argument("--steps", type=int, default=6000, metavar="N", help="of gradient descent (default: 6000)")
+    parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes that simulate (default: 1)")
+    arguments, console = parser.parse_args(), Console()
+    files = sorted(str(path) for folder in arguments.folders for path in Path(folder).rglob("*.*") if path.suffix != ".md")
+    sources = [*files, *[DRAWN] * (len(files) // 5)]
+    torch.set_num_threads(1)  # several wait for each other
+    with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:
+        progress.stage("examples", len(sources))
+        parts = []
+        for part in pool.imap(_examples, enumerate(sources)):
+            parts.append(part)
+            progress.advance()
+    save(learn(parts, sources, arguments.steps, console.say), arguments.output)
+    return 0
+
+
+def _examples(task: tuple[int, str]) -> Example:
+    return examples(task[1], task[0])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
