@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from offline import BEST, render
 from offline.measured import ColourLines
 from offline.parts import Part
 from offline.rows.lines import OnLines
+from offline.stage_settings import NO_LINES
 from offline.whole.chromaticity import block_sums
 from offline.whole.colour_lines import colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel
@@ -136,6 +138,17 @@ def test_black_print_stays_black(letters: str, sigma: float) -> None:
     tint = np.abs(rgb - rgb.mean(axis=2, keepdims=True)).max(axis=2)
     assert np.quantile(tint, 0.999) < 0.09
     assert tint.max() < 0.2
+
+
+def test_many_sites_of_a_channel_keep_the_colours_of_a_scene() -> None:
+    """Luminance under single sites is nearly right: colours that change from place to place are no errors of it."""
+    random, shape = np.random.default_rng(3), (150, 150)
+    drawn = [gaussian_filter(random.normal(size=shape), width) for width in (2, 12, 12, 12)]
+    light, *colours = (plane / plane.std() for plane in drawn)
+    scene = 0.3 * np.exp(light / 2)[..., None] * (1 + 0.15 * np.stack(colours, axis=2)).clip(0.1)
+    mosaic = observe(scene, CfaPattern.of_letters("kaizu"))
+    errors = [float(((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean()) for lines in (BEST.lines, NO_LINES)]
+    assert errors[0] < 1.1 * errors[1]  # 2.6 times where all errors count alike
 
 
 def test_white_print_on_black_has_less_colour() -> None:

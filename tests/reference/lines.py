@@ -43,7 +43,7 @@ def colour_lines(
         of_site = np.array([[noise.sigma(value, pattern.channels.index(name)) ** 2 for value, name in zip(each, names, strict=True)]
                             for each in samples.reshape(-1, len(names))])  # fmt: skip
         variance = (of_site @ (means**2).T * weights**2).mean(axis=1)
-    strokes = (constants._STROKES * span / count) ** 2
+    strokes = (constants._STROKES * span / count / max(members.sum(axis=1).min() / constants._NEIGHBOURS, 1)) ** 2
     even = strokes + (EVEN * mean) ** 2
     rough = strokes + variance + (constants._LINEAR * mean / count) ** 2 + (constants._FAINT * level) ** 2
 

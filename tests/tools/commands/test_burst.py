@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from offline import BEST, PAPER, render
+from offline import PRESETS, render
 from offline.burst import merge_burst, render_burst_bands
 from shared import CaptureMetadata, CfaPattern, SensorCalibration, read_dng, write_dng
 from shared.sensor import simulate_additive
@@ -21,7 +21,7 @@ from tools.evaluation.metrics import psnr
 from tools.scenes.drawn.builtin import builtin_scene
 
 MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
-UNLEARNED = replace(BEST, learned=PAPER.learned)
+UNLEARNED = PRESETS["unlearned"]
 STEM = "builtin-280x220"
 
 
