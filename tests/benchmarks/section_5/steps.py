@@ -20,7 +20,8 @@ from tools.scenes.scene import Scene
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
-_UNCORRECTED = replace(BEST.switched(False), chromaticity=replace(BEST.chromaticity, mismatch=0.0))
+_FILLED = replace(BEST.luminance, learned=False)
+_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=replace(BEST.chromaticity, mismatch=0.0))
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),
@@ -28,8 +29,9 @@ STEPS = {
     "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, taps=1)),
     "`paper`, no refinement": replace(PAPER, refinement=BEST.refinement),
     "`best`": BEST,
-    "`best`, no network": PRESETS["unlearned"],
-    "`best`, no network, no correction by the samples": _UNCORRECTED,
+    "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
+    "`best`, no networks": PRESETS["unlearned"],
+    "`best`, no networks, no correction by the samples": _UNCORRECTED,
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
     "`best`, with refinement": replace(BEST, refinement=PAPER.refinement),
