@@ -67,15 +67,20 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
     ranges = zip(range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False)  # shared by all
     errors: list[BaseException] = []
 
+    count = min(threads(), -(-pieces // together))
+
     def drain() -> None:
+        before = _chosen.count
         try:
+            _chosen.count = 1 if count > 1 else before  # what a piece calls shares nothing once more
             for first, end in ranges:
                 work(first, end)
         except BaseException as error:
             errors.append(error)
             deque(ranges, maxlen=0)  # the others begin nothing more
+        finally:
+            _chosen.count = before
 
-    count = min(threads(), -(-pieces // together))
     others = [threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)]
     try:
         for other in others:

@@ -27,6 +27,15 @@ def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
         product.in_pieces(lambda *_, wait=together.wait: wait(10), count)  # an error if one does not come
 
 
+def test_pieces_of_pieces_start_no_more_threads(each_thread_count: Iterator[int]) -> None:
+    for count in each_thread_count:
+        inside: list[int] = []
+        product.in_pieces(lambda *_, inside=inside: inside.append(product.threads()), 9)
+        assert inside == [1] * 9
+        product.in_pieces(lambda *_, inside=inside: inside.append(product.threads()), 1)
+        assert inside[-1] == product.threads() == count
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finished(
     each_thread_count: Iterator[int], error: type[BaseException]
