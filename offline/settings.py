@@ -332,9 +332,8 @@ BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
     defects=DefectSettings(listed=True, contrast=5.0),
     highlights=HighlightSettings(restored=True),
-    luminance=LuminanceSettings(
-        threshold=8 / 3, relative=True, iterations=62, learned=True
-    ),  # the last: 7e-5 of the brightest sample
+    # The last threshold is 7e-5 of the brightest sample.
+    luminance=LuminanceSettings(threshold=8 / 3, relative=True, iterations=62, learned=True),
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
