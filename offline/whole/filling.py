@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from shared.arrays import BORDER, FloatArray, IndexArray
+from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
@@ -33,27 +33,31 @@ _PIECE = 32  # rows of blocks that are computed together, whatever the number of
 
 
 def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
-    """l[n], float32 (H, W), corrected under the whole blocks of 2 x 2 sites; `luminance` itself for other blocks.
+    """`luminance`, float32 (H, W), corrected in place under the whole blocks of 2 x 2 sites; other blocks stay.
 
     luminance: (H, W), filled in, scene units. Raises InputError if the network cannot be read.
     """
     pattern, noise = mosaic.pattern, mosaic.calibration.noise
     if pattern.is_scattered or pattern.block_shape != (2, 2) or len(pattern.sites) != 4 or pattern.period < _LEAST_PERIOD:
         return luminance
-    network, grid, result = _session(), pattern.grid(mosaic.shape), luminance.copy()
-    wide = np.pad(luminance, REACH, mode=BORDER)
+    network, grid = _session(), pattern.grid(mosaic.shape)
+    first_rows, columns = grid.whole_rows, grid.whole_columns
+    off = np.empty((len(first_rows), len(columns), 2, 2), np.float32)
 
     def work(piece: int) -> None:
-        rows, columns = grid.whole_rows[piece * _PIECE : (piece + 1) * _PIECE], grid.whole_columns
-        seen, units = seen_around(wide, (rows, columns), noise)
+        rows = first_rows[piece * _PIECE : (piece + 1) * _PIECE]
+        # Only what this piece sees, continued beyond the frame's edges: a frame with a border would be one more in memory.
+        down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
+        across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
+        seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise)
         (found,) = network.run(None, {"seen": seen})
-        off = (found * units).reshape(len(rows), len(columns), 2, 2)
-        for down in range(2):
-            for across in range(2):
-                result[np.ix_(rows + down, columns + across)] += off[:, :, down, across]
+        off[piece * _PIECE :][: len(rows)] = (found * units).reshape(len(rows), len(columns), 2, 2)
 
-    in_pieces(lambda first, _: work(first), -(-len(grid.whole_rows) // _PIECE) if len(grid.whole_columns) else 0)
-    return result
+    in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
+    for row in range(2):
+        for column in range(2):
+            luminance[np.ix_(first_rows + row, columns + column)] += off[:, :, row, column]
+    return luminance
 
 
 def seen_around(wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None) -> tuple[FloatArray, FloatArray]:
