@@ -25,7 +25,7 @@ class Block(NamedTuple):
 
     @classmethod
     def of(cls, pattern: CfaPattern) -> "Block":
-        """Of the four images, the one with the last letters of the alphabet first; panchromatic pixels come last."""
+        """The block of a pattern: of its four mirror images the one whose letters are last in the alphabet, if W is first."""
         height, width = pattern.block_shape
         rows = [row[:width] for row in pattern.letters_from(pattern.block_origin)[:height]]
         sides = (1, 1), (1, -1), (-1, 1), (-1, -1)
