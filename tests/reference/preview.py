@@ -1,6 +1,6 @@
 """The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow and literal.
 
-The weights of interpolation come from `device.preview.geometry`, which has its own tests; constants from the modules of the graph.
+The weights of interpolation come from `device.preview.geometry`, which has its own tests; constants stand here once more.
 """
 
 from collections.abc import Callable
@@ -8,14 +8,19 @@ from itertools import product
 
 import numpy as np
 
-from device.preview import chromaticity, luminance, pattern_graph
 from device.preview.geometry import Geometry
-from shared import Mosaic, site_errors
+from shared import Mosaic
 from shared.arrays import DoubleArray
 from shared.display import SATURATED
 from tests.reference.chromaticity import solve_block
 from tests.reference.geometry import mirrored
 
+FLOOR, STILL = 1e-3, 1e-4  # of luminance
+GAP, GAP_NOISE, MISSED_NOISE, CONTRAST_ERROR = 12.0, 8.0, 2.0, 0.5
+NEAR, CHANNELS = 0.35, 0.4  # of errors at the sites
+LEAST_VARIANCE, PRIOR, POOLING, MISREAD = 1e-6, 0.5, 3e-4, 7e-4  # of chromaticity, from here on
+ALIKE, ALIKE_NOISE, ALIKE_STROKES, STROKES = 0.15, 24.0, 0.13, 12.0
+CONTRAST, NOISE_WEIGHT, CONTRAST_STROKES, SPREAD = 0.1, 4.0, 0.5, 0.5
 Sample = Callable[[int, int], float]
 
 
@@ -57,7 +62,7 @@ class Block:
         )
         colours = colours / [len(sites) for sites in geometry.readings]
         self.noise = mosaic.calibration.noise
-        least = pattern_graph._STILL + 2 * self._variance(down[0])
+        least = STILL + 2 * self._variance(down[0])
         row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
         weights = 1 / row_change, 1 / column_change
         self.contrast = max(row_change, column_change) - least
@@ -72,22 +77,22 @@ class Block:
         # Eq. 7: beside saturated samples those of the block say how much light there is.
         gamma = np.array(mosaic.calibration.gamma)
         gap = float(gamma @ list(map(np.mean, samples))) - self.luminance
-        self.change += luminance._GAP * max(gap**2 - luminance._GAP_NOISE * gamma @ gamma * self._variance(down[0]), 0)
+        self.change += GAP * max(gap**2 - GAP_NOISE * gamma @ gamma * self._variance(down[0]), 0)
         first, last = np.array(SATURATED) * mosaic.calibration.full_scale
         above = min(max((self.luminance - first) / (last - first), 0), 1) * max(gap, 0)
         lights = [[float(self.filled[number]) + above for number in numbers] for numbers in at]
-        least_variance = chromaticity._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
-        sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
+        least_variance = LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
+        sigma = max(PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
-        self.light: float = max(self.luminance, pattern_graph._FLOOR)
+        self.light: float = max(self.luminance, FLOOR)
         self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
-        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
-        strokes = max(self.change - 2 * (pattern_graph._STILL + 2 * self.variance), 0)
-        self.alike += chromaticity._ALIKE_STROKES * strokes
-        self.limit = chromaticity._CONTRAST * self.light**2 + chromaticity._NOISE_WEIGHT * self.variance
-        self.limit *= self.light**2 / (self.light**2 + chromaticity._CONTRAST_STROKES * strokes)
-        self.sure = self.light**2 / (self.light**2 + chromaticity._STROKES * strokes)
-        self.misread = self.variance + chromaticity._MISREAD * self.change
+        self.alike = ALIKE * self.light**2 + ALIKE_NOISE * self.variance
+        strokes = max(self.change - 2 * (STILL + 2 * self.variance), 0)
+        self.alike += ALIKE_STROKES * strokes
+        self.limit = CONTRAST * self.light**2 + NOISE_WEIGHT * self.variance
+        self.limit *= self.light**2 / (self.light**2 + CONTRAST_STROKES * strokes)
+        self.sure = self.light**2 / (self.light**2 + STROKES * strokes)
+        self.misread = self.variance + MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
         """`filled`, corrected by what chromaticity times luminance misses of the samples (`shared.site_errors`)."""
@@ -95,13 +100,13 @@ class Block:
         channels = [channel for _, _, channel in sites]
         missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
         power, noise = np.mean(missed**2), self._variance(self._mean_light(gamma[channels])) * np.mean(gamma[channels] ** 2)
-        contrast = luminance._CONTRAST_ERROR * self.contrast
-        share = max(power - luminance._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
+        contrast = CONTRAST_ERROR * self.contrast
+        share = max(power - MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
         # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
         count = len(gamma)
         places = np.array([site[:2] for site in sites], float)
-        near = site_errors._NEAR ** np.linalg.norm(places[:, None] - places, axis=2)
-        every = np.kron(near, np.where(np.eye(count) > 0, 1, site_errors._CHANNELS))
+        near = NEAR ** np.linalg.norm(places[:, None] - places, axis=2)
+        every = np.kron(near, np.where(np.eye(count) > 0, 1, CHANNELS))
         seen = [number * count + channel for number, channel in enumerate(channels)]
         errors = every[:, seen] @ np.linalg.solve(every[np.ix_(seen, seen)], missed)
         result: DoubleArray = self.filled + share * errors.reshape(-1, count).sum(axis=1)
@@ -153,7 +158,7 @@ class Colours:
                 total = total + self.similar((row, right), (row, other)) * along_row(other, times - 1)
             return total
 
-        total = own.colours_of_light * chromaticity._POOLING * own.light**2 + own.misread * along_row(column, 2)
+        total = own.colours_of_light * POOLING * own.light**2 + own.misread * along_row(column, 2)
         result: DoubleArray = total / total.sum() / np.array(self._mosaic.calibration.gamma)
         return result
 
@@ -173,7 +178,7 @@ class Colours:
         for down, right in product((0, 1), repeat=2):
             each = self.block(corner[0] + down, corner[1] + right)
             near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
-            part = near**chromaticity._SPREAD * each.limit / ((mean - each.light) ** 2 + each.limit)
+            part = near**SPREAD * each.limit / ((mean - each.light) ** 2 + each.limit)
             total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
         result: DoubleArray = total / weight
         return result

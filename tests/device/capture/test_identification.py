@@ -136,8 +136,9 @@ def test_black_level_and_gain_do_not_matter() -> None:
     assert found(frame * 8 + 3000).tile == found(frame).tile == found(frame // 8).tile
 
 
-def test_the_colours_of_a_grey_scene_stay_open() -> None:
+def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:
     grey = SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2)
+    assert found(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
     identity = found(taken(grey, tile_of("paper", (1, 4))))
     assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
     assert identity.pattern is None

@@ -7,7 +7,8 @@ import pytest
 
 from device.capture import Sensor
 from device.capture.checks.frame_check import checked
-from device.capture.checks.layout_search import _SEARCHED
+from device.capture.checks.layout_search import _SEARCHED, best_reading, refined
+from device.capture.checks.stride_search import likely_strides
 from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
@@ -109,6 +110,21 @@ def test_a_wrong_stride(name: str, stride: int, other: int) -> None:
 def test_a_wrong_stride_that_keeps_the_pattern_in_place() -> None:
     """12 pixels more a row: each block is still over another, but the scene is sheared."""
     assert f"likely `stride={2 * 256 + 24}`." in refusal(pack(codes(), "u16", 2 * 256 + 24) * 3, of())
+
+
+@pytest.mark.parametrize("name", ["u16", "u16be"])
+def test_rows_resemble_each_other_in_words_whose_lower_bytes_are_noise(name: str) -> None:
+    assert likely_strides(pack(codes(bits=14, sigma=0.03)[:48], name, 544), 512)[0] == 544
+
+
+@pytest.mark.parametrize("shift", [-3, 3])
+def test_rows_that_are_shifted_by_two_pixels_show_a_checkerboard_less_clearly(shift: int) -> None:
+    data = pack(np.hstack(np.split(codes(KODAK), 8)), "raw12")
+    described = FrameLayout(2048, 24, "raw12", 3100)
+    reading = best_reading(data, described, KODAK, [3072 + shift])
+    assert reading is not None
+    assert reading.stride == 3072 + shift
+    assert refined(data, described, KODAK, reading).stride == 3072
 
 
 @pytest.mark.parametrize(("name", "width"), [("raw10", 232), ("raw12", 262), ("u16", 250)])
