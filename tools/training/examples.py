@@ -23,7 +23,7 @@ from .drawings import drawing
 
 DRAWN = "drawn"
 """The name of a source that is a drawing instead of a file."""
-_SIGMAS = (0.003, 0.03)  # range of the noise, drawn logarithmically; a third of the examples have none
+_SIGMAS = (0.003, 0.04)  # range of the noise, drawn logarithmically; a third of the examples have none
 _BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
 _WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
 _OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit

@@ -22,7 +22,7 @@ HALO = BLOCKS + 3
 
 # Orthonormal, perpendicular to (1, 1, 1): what is in these directions keeps luminance, the sum of the channels.
 BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
-LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 1.5, 8.0, 1e-30
+LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 0.8, 8.0, 1e-30
 """Share of luminance in activity; bound of the correction in units of the contrast of colour; multiple of the noise variance taken
 off that; bound of the inputs; least squared activity, scene units squared, which only keeps quotients finite."""
 
