@@ -248,7 +248,7 @@ def restored(mended: Cleaned, settings: RenderSettings, progress: Progress = SIL
     """A frame without defects with its highlights restored; what their restoration would hide is measured before."""
     trust = trust_in_blocks(mended, settings.trust)
     unclipped = unclipped_blocks(mended) if settings.highlights.used else None
-    return restore_highlights(replace(mended, trust=trust, unclipped=unclipped), settings.highlights, progress)
+    return replace(restore_highlights(mended, settings.highlights, progress), trust=trust, unclipped=unclipped)
 
 
 class Others(NamedTuple):

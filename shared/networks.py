@@ -1,8 +1,10 @@
 """Which network corrects the colour of a pattern. It is known here so that nobody loads the renderer, which has them, to ask."""
 
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from .errors import InputError
 from .pattern import PANCHROMATIC, CfaPattern
 
 NETWORKS = Path(__file__).parents[1] / "offline" / "models"
@@ -43,3 +45,14 @@ def network_for(pattern: CfaPattern) -> Path | None:
     path = NETWORKS / network_file(pattern)
     height, width = pattern.block_shape
     return path if height == width and path.exists() else None
+
+
+@cache
+def load_network(path: Path) -> Any:
+    """The network in a file of ours, as `runtime.session` returns it, read once. Raises InputError with the remedy."""
+    from .runtime import session
+
+    try:
+        return session(path)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; install Panchroma again") from error

@@ -50,7 +50,7 @@ def denoise(
     """Denoise rows[0] to rows[1] of a frame.
 
     noisy: (H, W), scene units.
-    uncertain: bool (H, W), samples that the second pass replaces by the first pass's result.
+    uncertain: bool (any rows, W), repeated down the frame: samples that the second pass replaces by the first pass's result.
     rows: first and end row to compute.
     sizes: n of each kind of block, multiples of 4.
     transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
@@ -80,7 +80,7 @@ def denoise(
             for column in range(inner, across + 2 * halo - inner):
                 place = _place(column, half)
                 pilot[row, place] = sums[row, place] / weights[row, place]
-                if uncertain[source, mirrored(left - halo + column, width)]:
+                if uncertain[source % len(uncertain), mirrored(left - halo + column, width)]:
                     samples[row, place] = pilot[row, place]
         area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
         _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))

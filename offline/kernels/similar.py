@@ -48,7 +48,7 @@ def average_similar(
     """Mix the mean of pixels with similar surroundings into rows[0] to rows[1] of a frame.
 
     noisy: (H, W), scene units; what is averaged.
-    uncertain: bool (H, W), samples that are taken from `clean` instead.
+    uncertain: bool (any rows, W), repeated down the frame: samples that are taken from `clean` instead.
     clean: (rows, W), scene units, the frame without noise, from its row `first` on: `rows`, and as much above and below as offsets
         and surroundings reach, or to the frame's edge.
     rows: first and end row of the frame to compute.
@@ -74,7 +74,7 @@ def average_similar(
                 place = mirrored(left - halo + column, width)
                 value = clean[source - first, place]
                 even[row, column] = scale * _even(value, shot, read)
-                samples[row, column] = value if uncertain[source, place] else noisy[source, place]
+                samples[row, column] = value if uncertain[source % len(uncertain), place] else noisy[source, place]
                 sums[row, column] = samples[row, column]
         weights[:] = _ONE
         end = down + halo

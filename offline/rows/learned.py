@@ -11,15 +11,13 @@ runs where it may correct something (see `boxes`).
 """
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray, mirrored
-from shared.errors import InputError
-from shared.networks import Block, network_for
+from shared.networks import Block, load_network, network_for
 from shared.pattern import CfaPattern
 
 from ..blocks import Sites
@@ -155,11 +153,11 @@ class Learned(RowStage):
     @cached_property
     def _reach(self) -> int:
         """Cells around a cell that the network sees."""
-        return int(_session(self.path).get_modelmeta().custom_metadata_map[REACH])
+        return int(load_network(self.path).get_modelmeta().custom_metadata_map[REACH])
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity corrected; they end where tiles do."""
-        cells, session, reach = Cells.of(self.samples.sites), _session(self.path), self._reach
+        cells, session, reach = Cells.of(self.samples.sites), load_network(self.path), self._reach
         inputs, halo, size = Inputs(cells, part, self.samples, self.gamma), reach + MARGIN, _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         channels, gamma, picture = np.array(cells.channels), self.gamma[cells.channels], (part.luminance, part.chromaticity)
@@ -261,13 +259,3 @@ def network_name(pattern: CfaPattern) -> str | None:
     """
     path = network_for(pattern)
     return path.stem if path else None
-
-
-@cache
-def _session(path: Path) -> Any:
-    from shared.runtime import session
-
-    try:
-        return session(path)
-    except InputError as error:
-        raise InputError(f"{path}: {error}; install Panchroma again") from error

@@ -21,12 +21,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import BoolArray, FloatArray, strips
 from shared.site_errors import nearness
 
 from ..blocks import Sites
 from ..cleaned import Cleaned, unclipped_blocks
-from ..gaussian import smoothed
+from ..gaussian import TRUNCATE, smoothed
 from ..measured import EVEN, ColourLines
 from ..sites import FILLED
 from ..stage_settings import Switch
@@ -54,6 +54,9 @@ _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black pri
 _RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples: 3.26 are expected (0.2)
 _DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line (0.0)
 _TINY = 1e-20  # keeps quotients finite
+_STRIP = 512  # rows of blocks whose lines are computed together, for memory
+# Rows above and below that decide: those of a line, of what leads it, of the rounds for its ink, and of the ink's gain.
+_REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _CLOSE, *[_INK] * _ROUNDS, _WIDTH))
 _UNKNOWN = 1e-6  # weight of a block beside a clipped sample (0.0)
 _LEAST_SLOPE = 0.3  # of the sum of a line's slopes, which is 1 without errors of luminance (0.0)
 
@@ -68,18 +71,39 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     sites, gamma = frame.sites, frame.gamma.astype(np.float32)[:, None, None]
     light, seen = (_means(sites, plane) for plane in (luminance, frame.signal))
     seen *= gamma
-    dark = _DARK * frame.level
-    mean = np.maximum(light.mean(axis=0), np.float32(dark))
+    mean = np.maximum(light.mean(axis=0), np.float32(_DARK * frame.level))
     strokes, noise = _errors(frame, mean)
+    unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
+    found = ColourLines(np.empty_like(seen), np.empty_like(seen), np.empty_like(mean))
+    for rows in strips(len(mean), _STRIP):  # for memory
+        top = max(rows.start - _REACH, 0)
+        around, kept = slice(top, rows.stop + _REACH), slice(rows.start - top, rows.stop - top)
+        shown = light[:, around], seen[:, around], estimated[:, around] * gamma * mean[around]
+        lines = _around(frame, shown, strokes[around], noise[around], unclipped[around])
+        found.offset[:, rows], found.slope[:, rows], found.share[rows] = (
+            each[..., kept, :] for each in (lines.offset, lines.slope, lines.share)
+        )
+    return found
+
+
+def _around(
+    frame: Cleaned, shown: tuple[FloatArray, FloatArray, FloatArray], strokes: FloatArray, noise: FloatArray, unclipped: BoolArray
+) -> ColourLines:
+    """The lines around some rows of blocks.
+
+    shown: luminance, share of each channel in it, as samples show it and as it was estimated, (C, rows, columns).
+    strokes, noise: as of `_errors`. unclipped: blocks whose samples tell the light, (rows, columns).
+    """
+    (light, seen, expected), dark = shown, _DARK * frame.level
+    mean = np.maximum(light.mean(axis=0), np.float32(dark))
     even: FloatArray = strokes + (np.float32(EVEN) * mean) ** 2
-    unclipped = unclipped_blocks(frame).astype(np.float32)
-    known = np.maximum(unclipped, np.float32(_UNKNOWN))
-    departure = (np.float32(_LINEAR / len(gamma)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
+    known = np.maximum(unclipped.astype(np.float32), np.float32(_UNKNOWN))
+    departure = (np.float32(_LINEAR / len(seen)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
     lines = _fitted(light, seen, known / (even + noise), known / (strokes + noise + departure), noise, dark)
-    variance, free = even + strokes, len(gamma) - 1  # of luminance, and of the sample
+    variance, free = even + strokes, len(seen) - 1  # of luminance, and of the sample
     lines = _led(lines, light, seen, mean, known / (variance + noise))
     own = _apart(seen - lines.at(light)) - free * noise
-    estimated = _apart(np.moveaxis(sites.whole(blocks), 2, 0) * gamma * mean - lines.at(mean))
+    estimated = _apart(expected - lines.at(mean))
     # A sample counts as far as it tells more than noise. Of estimated blocks pooling has taken the noise off, but for a rest. That
     # does not speak against a line where there is print; in shadows without strokes it may as well be colour.
     informed = (variance / (variance + free * noise)) ** 2
@@ -94,8 +118,8 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     limit = _ESTIMATED * (1 + np.float32(_UNTOLD) * (1 - told))
     share = np.maximum(_believed(deviation, _OWN) * told, _believed(by_estimates / total, limit))
     # The fewer the blocks, the better a line suits them: how far it is believed is asked before.
-    uncertain = strokes * np.float32(len(gamma) ** 2), (noise + departure) / known
-    lines = _inked(lines, light, seen, known / (variance + noise), uncertain, _independent(sites))
+    uncertain = strokes * np.float32(len(seen) ** 2), (noise + departure) / known
+    lines = _inked(lines, light, seen, known / (variance + noise), uncertain, _independent(frame.sites))
     return replace(lines, share=share * unclipped)
 
 

@@ -39,7 +39,7 @@ def denoise_luminance(
     transforms = np.zeros((len(sizes), sizes.max(), sizes.max()), np.float32)
     for transform, size in zip(transforms, settings.sizes, strict=True):
         transform[:size, :size] = cosines(size)
-    uncertain = ~mosaic.pattern.panchromatic_mask((height, width))
+    uncertain = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, width))
     result = np.empty_like(luminance)
     step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
     pieces = [(top, min(top + step, height)) for top in range(0, height, step)]

@@ -6,21 +6,17 @@ sites are off by, in these units too: no brightness and no contrast is special, 
 `tools/training/luminance.py` trains it; `models/README.md` says on what. The paper has none of this.
 """
 
-from functools import cache
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.calibration import NoiseModel
-from shared.errors import InputError
 from shared.mosaic import Mosaic
+from shared.networks import NETWORKS, load_network
 
 from ..kernels.pieces import in_pieces
 
-PATH = Path(__file__).parents[1] / "models" / "luminance.onnx"
+PATH = NETWORKS / "luminance.onnx"
 REACH = 5
 """Pixels around a block that the network sees."""
 SIDE = 2 + 2 * REACH
@@ -40,7 +36,7 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     pattern, noise = mosaic.pattern, mosaic.calibration.noise
     if pattern.is_scattered or pattern.block_shape != (2, 2) or len(pattern.sites) != 4 or pattern.period < _LEAST_PERIOD:
         return luminance
-    network, grid = _session(), pattern.grid(mosaic.shape)
+    network, grid = load_network(PATH), pattern.grid(mosaic.shape)
     first_rows, columns = grid.whole_rows, grid.whole_columns
     off = np.empty((len(first_rows), len(columns), 2, 2), np.float32)
 
@@ -76,13 +72,3 @@ def seen_around(wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: 
     variance = noise.variance(mean, -1) if noise else np.zeros_like(mean)
     seen[:, -1:] = np.minimum(np.log2(1 + np.sqrt(variance) / safe), _NOISIEST)
     return seen, units
-
-
-@cache
-def _session() -> Any:
-    from shared.runtime import session
-
-    try:
-        return session(PATH)
-    except InputError as error:
-        raise InputError(f"{PATH}: {error}; install Panchroma again") from error

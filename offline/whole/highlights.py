@@ -59,8 +59,9 @@ def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Pr
     white = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma)
     whole = unclipped(means, clipping, white, settings.shoulder)
     result = signal.copy()
-    # In proportion, so that two sites of one channel keep their difference.
-    result[sites.pixels] = frame.samples * (whole / np.where(means > 0, means, 1))[..., sites.channels]
+    raise_by = whole / np.where(means > 0, means, 1)  # in proportion, so that two sites of one channel keep their difference
+    for site, (place, channel) in enumerate(zip(sites.places, sites.channels, strict=True)):
+        result[place] = frame.samples[..., site] * raise_by[..., channel]
     light = replace_dark(whole @ frame.gamma, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
     gone = clipped_share(means, clipping, settings.shoulder).prod(axis=2)
     unknown = unmeasured(blocks.lowest / clipping, gone).astype(np.float32)

@@ -11,11 +11,11 @@ from offline.measured import BlockSamples
 from offline.parts import Part
 from offline.rows import learned as module
 from offline.rows.correction import Missed
-from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, _session, boxes
+from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, boxes
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.networks import NETWORKS, network_for
+from shared.networks import NETWORKS, load_network, network_for
 from shared.pattern import BAYER_ORDERS
 from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
@@ -259,7 +259,7 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "rggb-k6.onnx"
     path.write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"):
-        _session(path)
+        load_network(path)
 
 
 def test_bands_of_a_frame_without_whole_tiles() -> None:

@@ -12,7 +12,7 @@ from offline.parts import Part
 from offline.rows.lines import OnLines
 from offline.stage_settings import NO_LINES
 from offline.whole.chromaticity import block_sums
-from offline.whole.colour_lines import colour_lines
+from offline.whole.colour_lines import _REACH, colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, sampled
@@ -76,6 +76,27 @@ def test_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma:
     assert_close(shown, reference.on_lines(light, colour, told, pattern, gamma), FLOAT32)
     assert_close(shown @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
     assert np.array_equal(stage(part, (1, 3)).chromaticity, shown[1:3])
+
+
+def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A strip sees as many rows beside it as decide; a fifth of them would show."""
+    shape, pattern = (4 * 150, 60), CfaPattern.bayer(4)
+    scene = printed(shape, np.array([0.5, 0.1, 0.05]), np.full(3, 0.8))
+    mosaic = shot_of(scene, pattern, 0.02)
+    light = luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
+    frame = cleaned(mosaic)
+    blocks = extend(block_sums(frame, light).solved(1e-3, np.array(mosaic.calibration.gamma)), pattern, shape).astype(np.float32)
+    whole = colour_lines(frame, light, blocks, BEST.lines)
+    monkeypatch.setattr("offline.whole.colour_lines._STRIP", 20)
+    strips = colour_lines(frame, light, blocks, BEST.lines)
+    assert whole is not None
+    assert strips is not None
+    for each in ("offset", "slope", "share"):
+        assert np.array_equal(getattr(strips, each), getattr(whole, each)), each
+    monkeypatch.setattr("offline.whole.colour_lines._REACH", _REACH // 5)
+    less = colour_lines(frame, light, blocks, BEST.lines)
+    assert less is not None
+    assert not np.array_equal(less.offset, whole.offset)
 
 
 def lines_of(scene: DoubleArray, pattern: CfaPattern) -> ColourLines:

@@ -118,7 +118,7 @@ def test_a_picture_that_is_held_as_a_whole_takes_no_more_than_is_said(name: str,
 
 
 def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a rendering of that size took when it was measured: 1.9 GB."""
+    """What a rendering of that size took when it was measured, with a photograph: 2.0 GB."""
     frame = mosaic(SMALL)
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
     assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2 * 2**30

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from offline.kernels.cells import GATE, STATE, describe, survey
-from offline.rows.learned import REACH, _session
+from offline.rows.learned import REACH
 from shared import CfaPattern
 from shared.errors import InputError
+from shared.networks import load_network
 from shared.progress import SILENT
 from tests.data import ROOT
 from tools.pictures.samples import quantise
@@ -50,7 +51,7 @@ def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...],
     path = run.train(small(photographs, 120), tmp_path, 1, SILENT, said.append)
     assert said
     assert said[-1].startswith("step 120: left 0.")
-    assert _session(path).get_inputs()
+    assert load_network(path).get_inputs()
     history = json.loads((tmp_path / "rggb-k4" / "plan.json").read_text())
     assert history["steps"] == 120
 
@@ -115,12 +116,12 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
     network, path = random_network(4), tmp_path / "rggb-k4.onnx"
     save_graph({name: weight.numpy() for name, weight in network.state_dict().items()}, path, {"fact": "one"})
     inputs = np.random.default_rng(0).normal(0, 1, (1, 57, 20, 17)).astype(np.float32)
-    (found,) = _session(path).run(None, {"features": inputs})
+    (found,) = load_network(path).run(None, {"features": inputs})
     with torch.no_grad():
         expected = network(torch.from_numpy(inputs)).numpy()
     assert found.shape == expected.shape
     assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()  # weights of 16 bits
-    assert _session(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
+    assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
 
 
 def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
