@@ -60,8 +60,8 @@ def encode_srgb(linear: FloatArray) -> FloatArray:
     np.power(encoded, np.float32(1 / SRGB_POWER), out=encoded)
     encoded *= np.float32(1 + SRGB_OFFSET)
     encoded -= np.float32(SRGB_OFFSET)
-    np.copyto(encoded, np.float32(SRGB_SLOPE) * linear, where=linear <= SRGB_KNEE)
-    return encoded
+    linear *= np.float32(SRGB_SLOPE)
+    return np.minimum(encoded, linear, out=encoded)  # the straight part is the lower one below the knee alone
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:

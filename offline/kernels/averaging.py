@@ -9,12 +9,12 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import LEAST_EXPONENT, exponential, tile_at, zeros
+from .functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 from .pieces import tiles
 
 _ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
-_TOGETHER = 2  # planes summed at a time: the sums of more do not fit in the registers of AVX2
+_TOGETHER = 4  # planes summed at a time: 12 % faster than two with the registers of AVX-512, 1 % slower with those of AVX2
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
@@ -51,7 +51,7 @@ def average(
     lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
     tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
-    weights = zeros(radius * (2 * radius + 2) + 1, tall, wide)
+    weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
     colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
     light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
     for tile in range(pieces[0], pieces[1]):
@@ -143,17 +143,18 @@ def _average(
     for row in range(rows[0], rows[1], 2):
         for column in range(columns[0], columns[1], WIDTH):
             for plane in range(0, len(colour), _TOGETHER):
-                a = b = c = d = nothing
+                a = b = c = d = e = f = g = h = nothing
                 for y in range(row - radius, row + radius + 2):
                     for x in range(column - radius, column + radius + 1):
                         s, t = load(colour, (plane, y, x)), load(colour, (plane + 1, y, x))
+                        u, v = load(colour, (plane + 2, y, x)), load(colour, (plane + 3, y, x))
                         if y <= row + radius:
                             weight = _between(weights, row, column, y, x, radius)
-                            a, b = a + weight * s, b + weight * t
+                            a, b, c, d = a + weight * s, b + weight * t, c + weight * u, d + weight * v
                         if y > row - radius:
                             weight = _between(weights, row + 1, column, y, x, radius)
-                            c, d = c + weight * s, d + weight * t
-                for step, upper, lower in ((0, a, c), (1, b, d)):
+                            e, f, g, h = e + weight * s, f + weight * t, g + weight * u, h + weight * v
+                for step, upper, lower in ((0, a, e), (1, b, f), (2, c, g), (3, d, h)):
                     store(mean, (plane + step, row, column), upper)
                     store(mean, (plane + step, row + 1, column), lower)
             for each in range(row, row + 2):

@@ -11,7 +11,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from .compile import Pieces, kernel, parallel_kernel
 from .conjugate import APPLIED, DIRECTION, MARGIN, RESIDUAL, SOLVED, around, conjugate_gradients
 from .edges import Filters, transmission
-from .functions import zeros
+from .functions import unset, zeros
 from .lanes import WIDTH, Lanes, greater, lesser, load, quotient, square_root, store, total
 
 _NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
@@ -61,9 +61,9 @@ def solve_regions(
     along = (across + core[1] - 1) // core[1]
     tallest, widest = (core[0] + 2 * halo) * period, (core[1] + 2 * halo) * period
     # Memory is taken once: fresh pages for every region would cost as much as solving it.
-    memory = zeros(_PLANES * (tallest + 2) * _width(widest))
+    memory = unset(_PLANES * (tallest + 2) * _width(widest))
     pinned = _pinned(pins)
-    window = zeros((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
+    window = unset((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
     for region in range(pieces[0], pieces[1]):
         top, left = first + region // along * core[0], region % along * core[1]
         bottom, right = min(top + core[0], end), min(left + core[1], across)
