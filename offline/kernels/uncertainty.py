@@ -1,5 +1,7 @@
 """What foretells the errors of a picture, pixel by pixel, and their variances as sums of it (see `offline.rows.uncertainty`)."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
@@ -13,8 +15,44 @@ _NONE = np.float32(0)
 _LEAST = np.float32(1e-30)  # keeps quotients finite
 
 
+def _spread(reach: int, step: int) -> Callable[[FloatArray, int, tuple[DoubleArray, DoubleArray, DoubleArray], FloatArray], None]:
+    """The kernel for the variance of a plane around each pixel of a row, in windows as far as there are pixels.
+
+    reach: rows and columns to each side; of the rows every `step`-th counts. Constants: only then loops become vectors.
+    """
+
+    @kernel
+    def spread(plane: FloatArray, here: int, buffers: tuple[DoubleArray, DoubleArray, DoubleArray], out: FloatArray) -> None:
+        """Variance of a plane, (rows, W), around the row `here`. buffers: (2, W + 2 reach or more), and twice (W,)."""
+        (height, width), (sums, total, squares) = plane.shape, buffers
+        sums[:] = 0.0
+        rows = 0
+        for row in range(here - reach, here + reach + 1, step):
+            if 0 <= row < height:
+                rows += 1
+                for x in range(width):
+                    value = np.float64(plane[row, x])
+                    sums[0, x + reach] += value
+                    sums[1, x + reach] += value * value
+        total[:] = 0.0
+        squares[:] = 0.0
+        for column in range(2 * reach + 1):
+            for x in range(width):
+                total[x] += sums[0, x + column]
+                squares[x] += sums[1, x + column]
+        for x in range(width):
+            share = 1.0 / (rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1))
+            mean = total[x] * share
+            out[x] = max(squares[x] * share - mean * mean, 0.0)
+
+    return spread
+
+
+_narrow, _wide = _spread(NARROW, 1), _spread(WIDE, 2)
+
+
 @parallel_kernel(
-    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8,"
+    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8, f4[::1],"
     " f4[:, ::1], f4[:, :, ::1]",
     pieces=lambda *given: len(given[-1]),
 )
@@ -27,6 +65,7 @@ def uncertainty(
     columns: tuple[IndexArray, FloatArray],
     down: float,
     first: int,
+    gamma: FloatArray,
     weights: FloatArray,
     out: FloatArray,
 ) -> None:
@@ -39,6 +78,7 @@ def uncertainty(
     blocks: the same of all blocks, (C, block rows, block columns).
     columns: column of blocks to the left of each pixel, and how far it is from there to the next, 0 to 1.
     down: row of blocks, with a fraction, at the part's row `first`, which belongs to out[0].
+    gamma: (C,), the weights of Eq. 7.
     weights: (2, 6), of the variances for luminance and for colour; then the rows of blocks per row of pixels.
     out: (rows, W, 1 + C), written.
     """
@@ -49,7 +89,7 @@ def uncertainty(
     level, wide, apart, found = unset(width), unset(width), unset(width), unset(width)
     for row in range(pieces[0], pieces[1]):
         here = row + first
-        _spread(light, here, NARROW, 1, (sums, total, squares), level)
+        _narrow(light, here, (sums, total, squares), level)
         for x in range(width):
             noise, grain, moved, contrast = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
             own = noise * grain / max(noise + grain, _LEAST)
@@ -65,46 +105,14 @@ def uncertainty(
             for x in range(across):
                 line[x] = blocks[i, above, x] + part * (blocks[i, below, x] - blocks[i, above, x])
             line[across] = line[across - 1]
-            _spread(shares[i], here, WIDE, 2, (sums, total, squares), wide)
+            _wide(shares[i], here, (sums, total, squares), wide)
             for x in range(width):
                 apart[x] = shares[i, here, x] - line[left[x]] - near[x] * (line[left[x] + 1] - line[left[x]])
             for x in range(width):
                 bright = light[here, x]
                 noise, spread, far = known[0, here, x], wide[x] * bright * bright, apart[x] * bright
                 v = weights[1, 0] * noise + weights[1, 1] * known[1, here, x] + weights[1, 2] * spread
-                found[x] = np.sqrt(
-                    v + weights[1, 3] * far * far + weights[1, 4] * level[x] + weights[1, 5] * np.sqrt(noise * spread)
-                )
+                v += weights[1, 3] * far * far + weights[1, 4] * level[x] + weights[1, 5] * np.sqrt(noise * spread)
+                found[x] = np.sqrt(v) / gamma[i]
             for x in range(width):
                 out[row, x, 1 + i] = found[x]
-
-
-@kernel
-def _spread(
-    plane: FloatArray, here: int, reach: int, step: int, buffers: tuple[DoubleArray, DoubleArray, DoubleArray], out: FloatArray
-) -> None:
-    """Variance of a plane, (rows, W), around each pixel of the row `here`, in windows as far as there are pixels.
-
-    reach: rows and columns to each side; of the rows every `step`-th counts.
-    buffers: (2, W + 2 reach or more), and twice (W,).
-    """
-    (height, width), (sums, total, squares) = plane.shape, buffers
-    sums[:] = 0.0
-    rows = 0
-    for row in range(here - reach, here + reach + 1, step):
-        if 0 <= row < height:
-            rows += 1
-            for x in range(width):
-                value = np.float64(plane[row, x])
-                sums[0, x + reach] += value
-                sums[1, x + reach] += value * value
-    total[:] = 0.0
-    squares[:] = 0.0
-    for column in range(2 * reach + 1):
-        for x in range(width):
-            total[x] += sums[0, x + column]
-            squares[x] += sums[1, x + column]
-    for x in range(width):
-        share = 1.0 / (rows * (min(x + reach, width - 1) - max(x - reach, 0) + 1))
-        mean = total[x] * share
-        out[x] = max(squares[x] * share - mean * mean, 0.0)

@@ -96,7 +96,8 @@ class Uncertainty(RowStage):
         if self.shares is not None:
             known[0] *= self.shares[held]
         known[2] = -1
-        for _, down, across in measured.pattern.cropped(part.first, 0).lattices:
+        for _, rest, across in measured.pattern.lattices:
+            down = slice((rest.start - part.first) % grid.period, None, grid.period)
             known[2, down, across] = np.square(light[down, across] - measured.luminance[held][down, across])
         middle = [(size - 1) / 2 for size in grid.block_shape]
         place = (np.arange(light.shape[1]) - grid.columns[0] - middle[1]) / grid.period
@@ -110,8 +111,7 @@ class Uncertainty(RowStage):
             np.multiply(np.moveaxis(each, 2, 0), gamma[:, None, None], order="C") for each in (part.chromaticity, measured.blocks)
         )
         above = (rows[0] - grid.rows[0] - middle[0]) / grid.period
-        uncertainty(light, known, shares, blocks, (left, near), above, first, weights, found)
-        found[..., 1:] /= gamma
+        uncertainty(light, known, shares, blocks, (left, near), above, first, gamma, weights, found)
         inner = slice(first, first + len(found))
         if measured.lost is not None:  # where nothing is known of the light, it may be off by all of it
             found += (measured.lost[slice(*rows)] / np.float32(255) * light[inner])[..., None]
