@@ -2,7 +2,7 @@
 
 Activity is the contrast of luminance and colour around a cell, with what the render misses at the sites. A network that works in
 units of brightness instead learns nothing, or harms flat places. The correction is bounded by the contrast of colour alone beyond
-what noise explains: where a place has one colour, grey or another, or only noise, nothing is corrected.
+most of what noise explains: where a place has one colour, grey or another, nothing is corrected.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from offline.kernels.cells import SURROUNDINGS
+from offline.kernels.cells import GATE, SURROUNDINGS
 
 CHANNELS, BLOCKS = 80, 4
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
@@ -22,9 +22,9 @@ HALO = BLOCKS + 3
 
 # Orthonormal, perpendicular to (1, 1, 1): what is in these directions keeps luminance, the sum of the channels.
 BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
-LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 0.8, 8.0, 1e-30
-"""Share of luminance in activity; bound of the correction in units of the contrast of colour; multiple of the noise variance taken
-off that; bound of the inputs; least squared activity, scene units squared, which only keeps quotients finite."""
+LUMINANCE, EVIDENCE, RANGE, LEAST = 0.25, 4.0, 8.0, 1e-30
+"""Share of luminance in activity; bound of the correction in units of the contrast of colour; bound of the inputs; least squared
+activity, scene units squared, which only keeps quotients finite."""
 
 
 HUE, DARK = 0.06, 0.002
@@ -56,11 +56,10 @@ class Network(nn.Module):  # type: ignore[misc]
         return self.leave(functional.relu(found))
 
 
-def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = NOISE) -> tuple[Any, Any]:
+def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
     light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.rows.learned.Inputs`.
-    gate: multiple of the noise variance that is taken off the contrast of colour.
     """
     pixels = light.shape[1]
     mean_light, *tints, noise = (
@@ -79,7 +78,7 @@ def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = N
     )
     # The exporter takes such a small number for 0 where it is added: then there is no activity at all in black, and 0 / 0.
     scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
-    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - gate * noise)))
+    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - GATE * noise)))
     inputs = torch.cat(
         [
             plain / scale,

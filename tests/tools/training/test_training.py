@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.kernels.cells import GATE, STATE, describe, survey
+from offline.kernels.cells import STATE, describe, survey
 from offline.rows.learned import REACH
 from shared import CfaPattern
 from shared.errors import InputError
@@ -125,7 +125,7 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
 
 
 def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
-    """Features and bounds of a picture in both forms, which differ in what they take for noise."""
+    """Features and bounds of a picture in both forms."""
     random, period, (down, across) = np.random.default_rng(0), 4, (14, 11)
     light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
     colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
@@ -138,7 +138,7 @@ def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
     describe(planes, state, error, variance, (2, 2), found[0])
     picture = torch.from_numpy(np.ascontiguousarray((colour * light[..., None]).transpose(2, 0, 1)[None]))
     given = torch.from_numpy(error[None]), torch.from_numpy(variance[None, None])
-    expected, bound = features(*cells_of(picture, period), *given, gate=GATE)
+    expected, bound = features(*cells_of(picture, period), *given)
     assert np.abs(found - expected.numpy()).max() < 1e-4
     assert np.abs(state[4, 2:-2, 2:-2] - bound[0, 0].numpy()).max() < 1e-5
     assert 0 < (bound == 0).float().mean() < 1
