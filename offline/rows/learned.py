@@ -169,6 +169,7 @@ class Learned(RowStage):
             places, own = inputs.places(down, across), cells.own_places(part, down, across, rows)
             planes, state = (np.zeros((count, *variance.shape), np.float32) for count in (3 * cells.period**2, STATE))
             survey(*picture, places, channels, gamma, error, variance, planes, state)
+            state[4] *= inputs.doubt(down, across)
             for top, left, height, width in boxes(state[4, halo:-halo, halo:-halo] > 0, reach):
                 place = halo + top, halo + left
                 seen = np.empty((1, len(planes) + len(error) + SURROUNDINGS, height + 2 * reach, width + 2 * reach), np.float32)
@@ -230,6 +231,9 @@ class Inputs:
         noise = samples.scaled_variance(gamma, rows)
         known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         self._variance = np.where(samples.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
+        # The eighth power: in photographs the network keeps correcting what a line explains by half, in print lines are certain.
+        lines = samples.lines
+        self._doubt = np.ones_like(self._variance) if lines is None else 1 - lines.share[rows, :, None] ** 8
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
     def blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
@@ -239,6 +243,11 @@ class Inputs:
         """
         error = self._blocks.blocks_of(self._error, rows, columns, 0.0)
         return error, self._blocks.blocks_of(self._variance, rows, columns, UNKNOWN)[0]
+
+    def doubt(self, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
+        """How far the colour lines are not believed in these rows and columns of cells, 0 to 1, (rows, columns)."""
+        doubt: FloatArray = self._blocks.blocks_of(self._doubt, rows, columns, 1.0)[0]
+        return doubt
 
     def places(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[IndexArray, IndexArray]:
         """See `Cells.places`."""

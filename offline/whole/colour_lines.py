@@ -11,10 +11,11 @@ bright end to the ink of the nearest blocks. The rival gains where it makes thei
 as uncertain as luminance under a stroke, but under red ink it is bright whatever the stroke does: that the samples of one channel
 never are dark is the surest sign of its ink.
 
-So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: how far the blocks are from the
-line, in units of the errors that strokes under them cause. These are estimated from the range of the panchromatic samples around
-each block. Blocks that no stroke touches are exact: a few of them show that a place has more colours than one line. The paper has
-none of this. All is in units of luminance: channel i counts gamma_i times.
+So the line is the null hypothesis, and a chi-square decides how far the picture is taken from it: how far the estimated blocks are
+from the line, in units of the errors that strokes under them cause. These are estimated from the range of the panchromatic samples
+around each block. Beside strokes estimates are wrong too, because neighbours were pooled: white letters on red are reddish. So only
+the share of their distance counts that the samples themselves confirm. The paper has none of this. All is in units of luminance:
+channel i counts gamma_i times.
 """
 
 from dataclasses import replace
@@ -45,9 +46,9 @@ _NEIGHBOURS = 2  # sites of a channel that one stroke hides; errors of more site
 _LINEAR = 0.1  # share of the light by which colours may depart from a line where it is fitted (0.1)
 _CONTRAST = 0.007  # of luminance, a share of it: a line with less is one of a single chromaticity (0.0)
 _DEVIATIONS = 3.0  # standard errors by which slopes must differ from those of a single chromaticity (0.4)
-_OWN, _ESTIMATED = 1.3, 0.8  # chi-squares of samples, and of estimated blocks, that count by half (3.9, 1.4)
-_STEEPNESS = 6  # their power (0.6)
-_UNTOLD = 0.3  # more of the latter where samples tell nothing: some noise is left in estimates; with 0.4, photographs lose at 0.01
+_ESTIMATED, _STEEPNESS = 0.8, 6  # chi-square of estimated blocks that counts by half, and its power (1.4, 0.6)
+_UNSURE = 3.0  # standard errors by which samples may confirm more of it; with 2, a photograph loses 0.3 dB
+_CONFIRMED = 3  # power of the share that they confirm; with 2, white print on red has 1.5 dB more error
 _LEFT = 0.2  # share of the noise that estimated blocks still have; with 0.1, white print on black has a fifth more tint
 _PRINT = 20.0  # mean square of stroke errors around, in variances of noise, that is half print; with 5, a photograph loses 0.3 dB
 _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black print has twice the tint
@@ -100,26 +101,28 @@ def _around(
     known = np.maximum(unclipped.astype(np.float32), np.float32(_UNKNOWN))
     departure = (np.float32(_LINEAR / len(seen)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
     lines = _fitted(light, seen, known / (even + noise), known / (strokes + noise + departure), noise, dark)
-    variance, free = even + strokes, len(seen) - 1  # of luminance, and of the sample
-    lines = _led(lines, light, seen, mean, known / (variance + noise))
-    own = _apart(seen - lines.at(light)) - free * noise
-    estimated = _apart(expected - lines.at(mean))
-    # A sample counts as far as it tells more than noise. Of estimated blocks pooling has taken the noise off, but for a rest. That
-    # does not speak against a line where there is print; in shadows without strokes it may as well be colour.
-    informed = (variance / (variance + free * noise)) ** 2
+    variance = even + strokes  # of luminance, and of the sample
+    weight = known / (variance + noise)
+    lines = _led(lines, light, seen, mean, weight)
+    rest, apart = seen - lines.at(light), expected - lines.at(mean)
+    rest -= rest.mean(axis=0)
+    # A line follows the noise of the blocks that lead it, and leaves less of it in their samples.
+    followed = noise * np.float32((len(seen) - 1) / (4 * np.pi * _CLOSE**2))
+    power, common = _apart(apart), np.einsum("iyx,iyx->yx", apart, rest) + followed
+    del rest, apart  # for memory
+    # Of estimated blocks pooling has taken the noise off, but for a rest. That does not speak against a line where there is print;
+    # in shadows without strokes it may as well be colour.
     printed = smoothed(strokes, _WIDTH)
     printed /= printed + np.float32(_PRINT) * noise + np.float32(_TINY)
-    left = np.float32(_LEFT) * noise * printed**2
-    chi = [np.clip(each, -_WORST, _WORST) for each in (own / variance, estimated / (variance + left))]
-    planes = np.stack([chi[0] * informed, informed, chi[1], np.ones_like(informed)]) * known
-    by_samples, weight, by_estimates, total = smoothed(planes, _WIDTH)
-    told = (weight / total) ** 2
-    deviation = by_samples / np.maximum(weight, np.float32(_TINY))
-    limit = _ESTIMATED * (1 + np.float32(_UNTOLD) * (1 - told))
-    share = np.maximum(_believed(deviation, _OWN) * told, _believed(by_estimates / total, limit))
+    chi = np.minimum(power / (variance + np.float32(_LEFT) * noise * printed**2), np.float32(_WORST))
+    chi, power, common, total = smoothed(np.stack([known * chi, weight * power, weight * common, known]), _WIDTH)
+    # Regression of samples on estimates: how much of the distance from the line is confirmed, at most. In print it is little.
+    unsure = np.float32(_UNSURE / (2 * np.pi**0.5 * _WIDTH)) * np.sqrt(power * total)
+    confirmed = np.clip((common + unsure) / (power + np.float32(_TINY)), 0, 1)
+    share = _believed(chi / total * confirmed**_CONFIRMED, _ESTIMATED)
     # The fewer the blocks, the better a line suits them: how far it is believed is asked before.
     uncertain = strokes * np.float32(len(seen) ** 2), (noise + departure) / known
-    lines = _inked(lines, light, seen, known / (variance + noise), uncertain, _independent(frame.sites))
+    lines = _inked(lines, light, seen, weight, uncertain, _independent(frame.sites))
     return replace(lines, share=share * unclipped)
 
 
@@ -254,6 +257,6 @@ def _apart(colours: FloatArray) -> FloatArray:
     return np.square(colours - colours.mean(axis=0)).sum(axis=0)  # type: ignore[no-any-return]
 
 
-def _believed(chi: FloatArray, limit: FloatArray | float, power: int = _STEEPNESS) -> FloatArray:
+def _believed(chi: FloatArray, limit: float, power: int = _STEEPNESS) -> FloatArray:
     """1 where there is no deviation, one half at the limit."""
     return 1 / (1 + np.maximum(chi / limit, 0) ** power)  # type: ignore[no-any-return]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
-from offline.measured import BlockSamples
+from offline.measured import BlockSamples, ColourLines
 from offline.parts import Part
 from offline.rows import learned as module
 from offline.rows.correction import Missed
@@ -193,6 +193,17 @@ def test_blocks_at_the_limit_are_left_alone() -> None:
     clipped = replace(part, missed=np.zeros_like(part.luminance))
     assert np.array_equal(learned(pattern, untrusted)(clipped, (0, 120)).chromaticity, part.chromaticity)
     assert not np.array_equal(learned(pattern, sites)(part, (0, 120)).chromaticity, part.chromaticity)
+
+
+def test_what_colour_lines_explain_is_left_alone() -> None:
+    rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
+    part, sites = measured(rgb, pattern)
+    line = np.zeros((3, *sites.unclipped.shape), np.float32)
+    for share in (0.0, 1.0):
+        lines = ColourLines(line, line, np.full_like(line[0], share))
+        found = learned(pattern, replace(sites, lines=lines))(part, (0, 120)).chromaticity
+        inner = slice(pattern.period, -pattern.period)  # cells without a whole block have no line
+        assert np.array_equal(found[inner, inner], part.chromaticity[inner, inner]) == (share == 1)
 
 
 def test_gamma_only_scales_the_channels() -> None:

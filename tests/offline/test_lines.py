@@ -182,6 +182,16 @@ def test_white_print_on_black_has_less_colour() -> None:
     assert np.quantile(np.abs(rgb - rgb.mean(axis=2, keepdims=True)), 0.999) < 0.42
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+def test_white_print_on_red_is_white(sigma: float) -> None:
+    """Pooled colours of strokes are those of the paper. If that spoke against the line, the error would be eight times as large."""
+    shape = (180, 180)
+    scene = printed(shape, np.full(3, 0.8), np.array([0.5, 0.04, 0.04]))
+    mosaic = observe(scene, CfaPattern.bayer(6), noise=np.random.default_rng(1).normal(scale=sigma, size=shape) if sigma else None)
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
+    assert ((render(mosaic).rgb - scene) ** 2).mean() < 0.03**2
+
+
 def test_what_is_clipped_is_on_no_line() -> None:
     scene = printed((90, 90), np.full(3, 0.06), np.full(3, 0.8))
     scene[:, 60:] = 2.0
