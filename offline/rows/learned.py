@@ -104,13 +104,11 @@ class Cells:
         across = mirrored(self._pixels(1, columns), part.luminance.shape[1])
         return np.ascontiguousarray(down[:: self.steps[0]]), np.ascontiguousarray(across[:: self.steps[1]])
 
-    def own_places(
-        self, part: Part, rows: tuple[int, int], columns: tuple[int, int], wanted: tuple[int, int]
-    ) -> tuple[IndexArray, IndexArray]:
-        """As `places`, but -1 outside the frame and outside the frame's rows `wanted`."""
-        down, across = self._pixels(0, rows)[:: self.steps[0]], self._pixels(1, columns)[:: self.steps[1]]
-        inside = (across >= 0) & (across < part.luminance.shape[1])
-        return np.where((down >= wanted[0]) & (down < wanted[1]), down - part.first, -1), np.where(inside, across, -1)
+    def own_places(self, shown: Part, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[IndexArray, IndexArray]:
+        """As `places`, but -1 outside a part and outside the frame."""
+        down, across = (self._pixels(axis, span)[:: self.steps[axis]] for axis, span in enumerate((rows, columns)))
+        inside = (across >= 0) & (across < shown.luminance.shape[1])
+        return np.where((down >= shown.first) & (down < shown.end), down - shown.first, -1), np.where(inside, across, -1)
 
     def blocks_of(self, values: FloatArray, rows: tuple[int, int], columns: tuple[int, int], outside: float) -> FloatArray:
         """Values of whole blocks, (rows, columns, n), at these rows and columns of cells, float32 (n, rows, columns)."""
@@ -161,12 +159,13 @@ class Learned(RowStage):
         inputs, halo, size = Inputs(cells, part, self.samples, self.gamma), reach + MARGIN, _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         channels, gamma, picture = np.array(cells.channels), self.gamma[cells.channels], (part.luminance, part.chromaticity)
-        chromaticity = part.chromaticity.copy()
+        shown = part.rows(*rows)
+        chromaticity = shown.chromaticity.copy()
 
         def work(tile: tuple[int, int]) -> None:
             down, across = ((each * _TILE - halo, (each + 1) * _TILE + halo) for each in tile)
             error, variance = inputs.blocks(down, across)
-            places, own = inputs.places(down, across), cells.own_places(part, down, across, rows)
+            places, own = inputs.places(down, across), cells.own_places(shown, down, across)
             planes, state = (np.zeros((count, *variance.shape), np.float32) for count in (3 * cells.period**2, STATE))
             survey(*picture, places, channels, gamma, error, variance, planes, state)
             state[4] *= inputs.doubt(down, across)
@@ -175,11 +174,11 @@ class Learned(RowStage):
                 seen = np.empty((1, len(planes) + len(error) + SURROUNDINGS, height + 2 * reach, width + 2 * reach), np.float32)
                 describe(planes, state, error, variance, (place[0] - reach, place[1] - reach), seen[0])
                 (found,) = session.run(None, {"features": seen})
-                correct_cells(found[0], planes, state, place, part.luminance, own, channels, gamma, chromaticity)
+                correct_cells(found[0], planes, state, place, shown.luminance, own, channels, gamma, chromaticity)
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // _TILE))]
         in_pieces(lambda first, _: work(tiles[first]), len(tiles))
-        return replace(part, chromaticity=chromaticity).rows(*rows)
+        return replace(shown, chromaticity=chromaticity)
 
 
 def boxes(wanted: BoolArray, reach: int) -> list[tuple[int, int, int, int]]:
