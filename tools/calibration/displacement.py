@@ -186,7 +186,7 @@ def _step(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequence
     local, slope = _robust(shot, light)
     residual, _ = local.residual()
     along = slope[:, shot.channel]
-    near, wide = along * np.stack([light.down, light.right]), along * np.stack([light.wide_down, light.wide_right])
+    near, wide = along * np.stack([light.down, light.right]), along * shot.wide_slopes(*away)
 
     def sums(down: DoubleArray, right: DoubleArray) -> StepSums:
         """Return the sums of each window, for displacements of the channels in these directions."""

@@ -48,15 +48,12 @@ class DisplacedLuminance(NamedTuple):
 
     value: by cubic splines.
     down, right: its derivatives, per pixel.
-    wide_down, wide_right: differences over more pixels, which hardly depend on errors of `value`.
     fill_variance: of what is filled in, up to a factor.
     """
 
     value: DoubleArray
     down: DoubleArray
     right: DoubleArray
-    wide_down: DoubleArray
-    wide_right: DoubleArray
     fill_variance: DoubleArray
 
 
@@ -98,12 +95,18 @@ class Edges:
 
     def displaced(self, down: DoubleArray, right: DoubleArray) -> DisplacedLuminance:
         """Return luminance, its slopes and its variance where samples are displaced by so much, pixels, (N, S)."""
+        variance = self._at(self._curvature, down, right, 1)
+        return DisplacedLuminance(self.luminance(down, right), *self._slopes(down, right, _NEAR), variance)
 
+    def wide_slopes(self, down: DoubleArray, right: DoubleArray) -> DoubleArray:
+        """Return differences over more pixels, which hardly depend on errors of luminance there, per pixel, (2, N, S)."""
+        return np.stack(self._slopes(down, right, _WIDE))
+
+    def _slopes(self, down: DoubleArray, right: DoubleArray, reach: float) -> tuple[DoubleArray, DoubleArray]:
         def slope(y: float, x: float) -> DoubleArray:
-            return (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
+            return (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * reach)
 
-        near, wide = (slope(_NEAR, 0), slope(0, _NEAR)), (slope(_WIDE, 0), slope(0, _WIDE))
-        return DisplacedLuminance(self.luminance(down, right), *near, *wide, self._at(self._curvature, down, right, 1))
+        return slope(reach, 0), slope(0, reach)
 
     def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
         first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
