@@ -33,6 +33,7 @@ FILLED = 0.5
 # Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _CURVED = 0.7  # error of filled luminance as a multiple of its curvature (0.4); pooling has a setting of its own
 _TINT = 0.5  # share of the power of errors that is colour at least (0.3)
+_DOUBT = 0.1  # least share of it on a line: samples of a dark channel tell nothing of luminance; 0.01 makes speckle 5 times white
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
 _ROUNDS = 3  # in which the covariance takes its c from the round before (0.4, with defects)
 _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of errors (0.4)
@@ -135,7 +136,7 @@ def most_probable(
     tint = np.maximum(power - fill_variance * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
     if measured.lines is not None:  # where a line says what colour is, errors are of luminance
         believed = measured.lines.share[rows]
-        tint, fill_variance = tint * (1 - believed), fill_variance + believed * (most - fill_variance)
+        tint, fill_variance = tint * np.maximum(1 - believed, np.float32(_DOUBT)), fill_variance + believed * (most - fill_variance)
     noise = np.zeros_like(error) if variance is None else variance
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
     kernels.share_out(error, colour, fill_variance, tint, noise, sites.channels, nearness(sites.pattern), light, tints)

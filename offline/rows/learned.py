@@ -230,9 +230,9 @@ class Inputs:
         noise = samples.scaled_variance(gamma, rows)
         known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         self._variance = np.where(samples.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
-        # The eighth power: in photographs the network keeps correcting what a line explains by half, in print lines are certain.
+        # In photographs the network also corrects what a line explains, in print lines are certain: 8 costs 0.02 dB.
         lines = samples.lines
-        self._doubt = np.ones_like(self._variance) if lines is None else 1 - lines.share[rows, :, None] ** 8
+        self._doubt = np.ones_like(self._variance) if lines is None else 1 - lines.share[rows, :, None] ** 32
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
     def blocks(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[FloatArray, FloatArray]:

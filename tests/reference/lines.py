@@ -84,14 +84,16 @@ def colour_lines(
     printed = around @ strokes / np.maximum(around @ strokes + constants._PRINT * variance, 1e-30)
     left = constants._LEFT * printed**2 * variance
     estimated = coarse.reshape(-1, count) * weights * mean[:, None] - offset - slope * mean[:, None]
-    chi, sure = apart(estimated) / (expected + left), 1 / (expected + variance)
+    chi, sure = apart(estimated) / (expected + left), 1 / (expected + variance + (constants._DARK * level) ** 2)
     rest = seen - offset - slope * light
     power, common = apart(estimated), (estimated * (rest - rest.mean(axis=1, keepdims=True))).sum(axis=1)
     common += variance * (count - 1) / (4 * np.pi * constants._CLOSE**2)
     # The variance of a weighted mean: a Gaussian squared has the sum 1 / (4 pi width^2).
     unsure = constants._UNSURE * np.sqrt(around @ (sure * power) / (4 * np.pi * constants._WIDTH**2))
     confirmed = ((around @ (sure * common) + unsure) / np.maximum(around @ (sure * power), 1e-30)).clip(0, 1)
-    share = 1 / (1 + (around @ chi.clip(None, constants._WORST) * confirmed**constants._CONFIRMED / constants._ESTIMATED) ** 6)
+    informed = around @ ((expected / (expected + (count - 1) * variance)) ** 2)
+    limit = constants._ESTIMATED * (1 + constants._UNTOLD * (1 - informed**2))
+    share = 1 / (1 + (around @ chi.clip(None, constants._WORST) * confirmed**constants._CONFIRMED / limit) ** 6)
     offset, slope = with_inks(
         pattern, blocks[0][0], shape, (light, seen), (offset, slope), (mean, strokes, even + strokes + variance, rough)
     )

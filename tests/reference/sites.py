@@ -119,7 +119,7 @@ def most_probable(
         odd = max(power[place] - bright * share, constants._TINT * power[place]) / (1 - 1 / count)
         if believed is not None:
             bright += believed[place] * (power[place] / max(share, constants._LEAST_SHARE) - bright)
-            odd *= 1 - believed[place]
+            odd *= max(1 - believed[place], constants._DOUBT)
         r = near(blocks[place[0]][place[1]], site_errors._NEAR)
         prior = np.zeros((sites + sites * count,) * 2)
         prior[:sites, :sites] = bright * r
