@@ -78,11 +78,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(str(error))
+        incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)
     if arguments.burst and stopping():
         lost = arguments.burst - saved
-    incomplete, _ = source.lost()
     some = f" ({incomplete} incomplete)" if incomplete else ""
     console.note(f"{saved} saved, {lost} dropped{some}" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
