@@ -115,7 +115,7 @@ def _around(
     # in shadows without strokes it may as well be colour.
     printed = smoothed(strokes, _WIDTH)
     printed /= printed + np.float32(_PRINT) * noise + np.float32(_TINY)
-    sure = known / (variance + noise + np.float32(dark**2))
+    sure = known / (variance + noise + np.float32(dark**2))  # black blocks, exact as they seem, would decide alone
     chi = np.minimum(power / (variance + np.float32(_LEFT) * noise * printed**2), np.float32(_WORST))
     informed = known * (variance / (variance + (len(seen) - 1) * noise)) ** 2
     chi, power, common, told, total = smoothed(np.stack([known * chi, sure * power, sure * common, informed, known]), _WIDTH)

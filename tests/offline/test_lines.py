@@ -13,8 +13,9 @@ from offline.rows.lines import OnLines
 from offline.stage_settings import NO_LINES
 from offline.whole.chromaticity import block_sums
 from offline.whole.colour_lines import _REACH, colour_lines
-from shared import CfaPattern, Mosaic, NoiseModel
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray
+from shared.sensor import simulate_additive
 from tests.offline.scenes import cleaned, every_case, gamma_of, sampled
 from tests.reference import lines as reference
 from tests.reference.chromaticity import extend
@@ -76,6 +77,15 @@ def test_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma:
     assert_close(shown, reference.on_lines(light, colour, told, pattern, gamma), FLOAT32)
     assert_close(shown @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
     assert np.array_equal(stage(part, (1, 3)).chromaticity, shown[1:3])
+
+
+def test_a_channel_that_is_dark_on_a_line_tells_nothing_of_luminance() -> None:
+    """What its samples miss was once divided by next to nothing: up to 150 times white."""
+    random = np.random.default_rng(20)
+    scene = np.where(random.uniform(size=(96, 104, 1)) < 0.3, (0.212, 0.056, 0.036), (0.0, 0.832, 0.135)).astype(np.float32)
+    for tile in ("kodak", "K=4", "K=6"):
+        shot = simulate_additive(scene, CfaPattern.of_letters(tile), SensorCalibration(), 0.0, random)
+        assert np.abs(render(shot, BEST).rgb).max() < 3
 
 
 def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
