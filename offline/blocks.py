@@ -154,8 +154,7 @@ def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: Noise
     squares = (gamma / np.bincount(sites.channels))[sites.channels] ** 2
     per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / sites.neighbours
     fixed = squares @ variance[sites.channels] + variance[-1] / sites.neighbours
-    sigma: DoubleArray = np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)
-    return sigma
+    return np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)
 
 
 def tile(pattern: CfaPattern) -> BoolArray:

@@ -17,8 +17,7 @@ def gaussian(sigma: float) -> FloatArray:
     """Taps of a Gaussian, which sum to one: float32, an odd number of them. sigma: > 0, standard deviation in samples."""
     radius = int(TRUNCATE * sigma + 0.5)
     taps = np.exp(-(np.arange(-radius, radius + 1) ** 2) / (2 * sigma**2))
-    normalised: FloatArray = (taps / taps.sum()).astype(np.float32)
-    return normalised
+    return (taps / taps.sum()).astype(np.float32)
 
 
 def smoothed(planes: NDArray[np.floating[Any]], sigma: float) -> FloatArray:

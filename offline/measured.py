@@ -37,8 +37,7 @@ class ColourLines:
 
     def at(self, light: FloatArray) -> FloatArray:
         """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places of each channel."""
-        found: FloatArray = self.offset + self.slope * light
-        return found
+        return self.offset + self.slope * light
 
 
 @dataclass(frozen=True, eq=False)

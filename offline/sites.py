@@ -60,8 +60,7 @@ def block_samples(frame: Cleaned, luminance: FloatArray, alone: FloatArray | Non
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     """Standard deviation of the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
     bends = [curvature(luminance, place, sites.grid) for place in sites.places]
-    error: FloatArray = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
-    return error
+    return np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
 
 
 def solve_jointly(frame: Cleaned, luminance: FloatArray, chromaticity: DoubleArray, sigma: float, mismatch: float) -> DoubleArray:
@@ -151,5 +150,4 @@ def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
     power = smoothed(np.square(error).mean(axis=2), _WIDTH)
     if variance is not None:
         power = np.maximum(power - np.float32(_DEVIATIONS) * variance, 0)
-    result: FloatArray = power.astype(np.float32, copy=False)
-    return result
+    return power.astype(np.float32, copy=False)

@@ -24,8 +24,7 @@ BORDER: Literal["reflect"] = "reflect"
 def mirrored(places: IndexArray, size: int) -> IndexArray:
     """Indices inside an axis of `size` that `places`, inside or outside, show by the convention of ``BORDER``."""
     turn = max(2 * (size - 1), 1)
-    inside: IndexArray = np.minimum(places % turn, -places % turn)
-    return inside
+    return np.minimum(places % turn, -places % turn)
 
 
 STRIP = 256

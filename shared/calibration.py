@@ -82,8 +82,7 @@ class NoiseModel:
         [0.0, 2.0]
         """
         shot, read = (np.array(figures, np.float32)[plane] for figures in (self.shot, self.read))
-        variance: FloatArray = shot * signal.clip(0) + read**2
-        return variance
+        return shot * signal.clip(0) + read**2
 
     def in_units_of(self, unit: float) -> "NoiseModel":
         """The same noise, where samples are said in units of `unit` scene units, > 0."""

@@ -83,8 +83,7 @@ def lab_to_xyz(lab: DoubleArray) -> DoubleArray:
     lightness, a, b = np.moveaxis(np.asarray(lab, np.float64), -1, 0)
     fy = (lightness + 16) / 116
     f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
-    result: DoubleArray = np.where(f**3 > CIE_EPSILON, f**3, (116 * f - 16) / CIE_KAPPA) * D50
-    return result
+    return np.where(f**3 > CIE_EPSILON, f**3, (116 * f - 16) / CIE_KAPPA) * D50
 
 
 SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))

@@ -11,8 +11,7 @@ def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:
     ratio = np.maximum(np.asarray(xyz_values) / D50, 1e-6)
     slope = np.where(ratio > CIE_EPSILON, np.cbrt(ratio) / (3 * ratio), CIE_KAPPA / 116) / D50
     lightness = np.array([[0, 116, 0], [500, -500, 0], [0, 200, -200]], float)
-    slopes: DoubleArray = lightness[None] * slope[:, None, :]
-    return slopes
+    return lightness[None] * slope[:, None, :]
 
 
 def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
@@ -47,5 +46,4 @@ def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
     s_lightness = 1 + 0.015 * (lightness - 50) ** 2 / np.sqrt(20 + (lightness - 50) ** 2)  # Eq. 18
     by_chroma, by_hue = d_chroma / (1 + 0.045 * chroma), d_hue / (1 + 0.015 * chroma * weight)  # Eqs. 19, 20
     squared = (d_lightness / s_lightness) ** 2 + by_chroma**2 + by_hue**2 + rotation * by_chroma * by_hue  # Eq. 22
-    difference: DoubleArray = np.sqrt(np.maximum(squared, 0))
-    return difference
+    return np.sqrt(np.maximum(squared, 0))

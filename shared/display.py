@@ -207,8 +207,7 @@ class ColourTransform:
             level, (first, last) = np.float32(self.weights[0]) * planes[0], SATURATED
             for plane, weight in zip(planes[1:], self.weights[1:], strict=True):
                 level += np.float32(weight) * plane
-        share: FloatArray = ((level - np.float32(first)) / np.float32(last - first)).clip(0, 1)
-        return share
+        return ((level - np.float32(first)) / np.float32(last - first)).clip(0, 1)
 
 
 def check_exposure(exposure: float) -> None:

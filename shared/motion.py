@@ -105,8 +105,7 @@ def _on_grid(local: FloatArray, y: DoubleArray, x: DoubleArray, shape: tuple[int
     left, beside = _between(x, shape[1], local.shape[1])
     row, column = below[:, None, None], beside[:, None]
     lines = local[top] * (_ONE - row) + local[top + 1] * row
-    shifts: FloatArray = lines[:, left] * (_ONE - column) + lines[:, left + 1] * column
-    return shifts
+    return lines[:, left] * (_ONE - column) + lines[:, left + 1] * column
 
 
 def _at(local: FloatArray, y: FloatArray, x: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray]:

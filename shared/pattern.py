@@ -184,8 +184,7 @@ class CfaPattern:
 
     def panchromatic_mask(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> BoolArray:
         """Omega_L, the pixels where luminance is measured directly: bool `shape`. `first`: the sensor pixel at [0, 0]."""
-        mask: BoolArray = self.filter_map(shape, first) == len(self.channels)
-        return mask
+        return self.filter_map(shape, first) == len(self.channels)
 
     def letters_from(self, first: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
         """The K x K letters from sensor pixel `first` on: the tile with its origin applied."""
@@ -206,12 +205,11 @@ class CfaPattern:
 
     @cached_property
     def _colour(self) -> BoolArray:
-        colour: BoolArray = self._tile_planes != len(self.channels)
-        return colour
+        return self._tile_planes != len(self.channels)
 
     def _occupied(self, axis: int) -> BoolArray:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
-        return np.logical_or.reduce(self._colour, axis=axis)  # type: ignore[no-any-return]
+        return np.logical_or.reduce(self._colour, axis=axis)
 
     @property
     def _is_connected(self) -> bool:
@@ -248,4 +246,4 @@ def _span(occupied: BoolArray) -> tuple[int, int]:
 def _spread(mask: BoolArray, reach: int) -> BoolArray:
     """The True places of a repeating tile, and all places at most `reach` rows and columns from them."""
     steps = range(-reach, reach + 1)
-    return np.logical_or.reduce([np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps])  # type: ignore[no-any-return]
+    return np.logical_or.reduce([np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps])

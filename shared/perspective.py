@@ -25,8 +25,7 @@ def fit_homography(source: DoubleArray, destination: DoubleArray) -> DoubleArray
     if rank < solved.size:
         return None
     back = np.array([[scale, 0, shift[0]], [0, scale, shift[1]], [0, 0, 1]])
-    matrix: DoubleArray = back @ np.append(solved, 1.0).reshape(3, 3)
-    return matrix
+    return back @ np.append(solved, 1.0).reshape(3, 3)
 
 
 def apply_homography(matrix: DoubleArray, x: DoubleArray, y: DoubleArray) -> tuple[DoubleArray, DoubleArray]:

@@ -23,7 +23,7 @@ def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
     """
     place = np.array(pattern.sites)[:, :2]
     distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
-    return correlation**distance  # type: ignore[no-any-return]
+    return correlation**distance
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:

@@ -59,8 +59,7 @@ class Structure:
 
     def offset_in(self, value: bytes) -> int:
         """The offset that an entry's value holds."""
-        offset: int = struct.unpack(self._number, value)[0]
-        return offset
+        return struct.unpack(self._number, value)[0]
 
     def directory(self, offset: int) -> tuple[int, list[Entry], int]:
         """The directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.

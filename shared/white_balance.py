@@ -75,8 +75,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
 
 def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
     """How far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
-    share: Real = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
-    return share
+    return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
 def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: tuple[float, ...]) -> Real:
@@ -93,8 +92,7 @@ def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: tuple[
     all_gone = gone.prod(axis=-1, keepdims=True)
     level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True) + all_gone * clipping / white.min()
     level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
-    raised: Real = readings + gone * np.maximum(white * level - readings, 0)
-    return raised
+    return readings + gone * np.maximum(white * level - readings, 0)
 
 
 def balanced(calibration: SensorCalibration, neutral: DoubleArray, *, estimated: bool = False) -> SensorCalibration:

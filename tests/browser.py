@@ -115,8 +115,7 @@ class Browser:
             assert piece, "Chromium has ended"
             self._pending += piece
         first, _, self._pending = self._pending.partition(b"\0")
-        message: dict[str, Any] = json.loads(first)
-        return message
+        return json.loads(first)
 
     def _record(self, event: str | None, given: dict[str, Any]) -> None:
         if event == "Runtime.exceptionThrown":

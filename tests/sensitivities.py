@@ -36,5 +36,4 @@ def readings(camera: str, light: str) -> DoubleArray:
     power = sampled(colour.sd_blackbody(float(light), shape) if light.isdigit() else colour.SDS_ILLUMINANTS[light])
     seen = sampled(colour.MSDS_CAMERA_SENSITIVITIES[camera]).clip(0) * power[:, None]
     patches = np.stack([sampled(each) for each in colour.SDS_COLOURCHECKERS["ColorChecker N Ohta"].values()])
-    read: DoubleArray = patches @ seen / seen.sum(axis=0).max()
-    return read
+    return patches @ seen / seen.sum(axis=0).max()

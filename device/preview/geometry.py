@@ -197,7 +197,7 @@ class Geometry:
         errors = np.linalg.solve(every[np.ix_(measured, measured)], every[measured]).T  # of every channel at every site
         luminance = errors.reshape(len(self.sites), -1, len(self.sites)).sum(axis=1)
         order = [self.pattern.sites.index(site) for site in self.sites]
-        return luminance[np.ix_(order, order)]  # type: ignore[no-any-return]
+        return luminance[np.ix_(order, order)]
 
     @cached_property
     def _around(self) -> Surroundings:

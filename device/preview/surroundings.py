@@ -105,7 +105,7 @@ def exact(weights: DoubleArray) -> list[float]:
     """Weights rounded to multiples of 1/64 whose sum is exactly 1."""
     units = np.rint(weights * UNIT)
     units[np.argmax(units)] += UNIT - units.sum()
-    return (units / UNIT).tolist()  # type: ignore[no-any-return]
+    return (units / UNIT).tolist()
 
 
 def _lagrange(steps: list[int]) -> DoubleArray:

@@ -52,14 +52,12 @@ def unclipped(view: View) -> FloatArray:
     """1 for light well below the limit, 0 for clipped light, (H, W)."""
     if not np.isfinite(view.limit):
         return np.ones_like(view.luminance)
-    share: FloatArray = np.clip((CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1)
-    return share
+    return np.clip((CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1)
 
 
 def agreement_of(deviation: FloatArray) -> FloatArray:
     """Agreement, 0 to 1, from squared deviations in units of the tolerance."""
-    found: FloatArray = np.clip((1 / (1 + np.square(deviation)) - _LOW) / (_HIGH - _LOW), 0, 1)
-    return found
+    return np.clip((1 / (1 + np.square(deviation)) - _LOW) / (_HIGH - _LOW), 0, 1)
 
 
 def _agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
@@ -69,8 +67,7 @@ def _agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
     weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
     agrees = agreement_of(_deviation(reference, frame, weight.astype(np.float32)))
     agrees = np.where((own_shown == 0) & (frame.luminance > _BRIGHT * reference.limit), 1, agrees)
-    result: ByteArray = np.rint(255 * minimum_filter(shown * agrees, _FRINGE)).astype(np.uint8)
-    return result
+    return np.rint(255 * minimum_filter(shown * agrees, _FRINGE)).astype(np.uint8)
 
 
 def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
@@ -95,8 +92,7 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     dd, aa = (np.maximum(each - noise / 4, 0) + least for each in (dd, aa))
     explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(dd * aa - da * da, 1e-3 * dd * aa)
     scatter = DEVIATIONS**2 * _noise_left(_SHIFTED) * noise
-    largest: FloatArray = np.maximum(found, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
-    return largest
+    return np.maximum(found, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
 
 
 def _means(weight: FloatArray, sigma: float, *planes: FloatArray) -> list[FloatArray]:

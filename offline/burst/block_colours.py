@@ -72,8 +72,7 @@ def colour_change(known: BlockColours, frame: Frame, motion: Motion, mosaic: Mos
     spread = DEVIATIONS**2 * (left * own + _SHARED * expected)
     around = np.square(mean) / (np.square(_AROUND * light) + smoothed(filled, _WIDTH) + spread + TINY)
     found = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
-    deviation: FloatArray = maximum_filter(found, _FRINGE).astype(np.float32)
-    return deviation
+    return maximum_filter(found, _FRINGE).astype(np.float32)
 
 
 def on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice) -> FloatArray:
@@ -85,8 +84,7 @@ def on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice
         np.floor((place - np.float32(first)) / sites.grid.period).astype(np.intp).clip(-1, size - 2) + 1
         for place, first, size in zip(motion.places(rows, mosaic.shape), sites.middle, worst.shape, strict=True)
     ]
-    found: FloatArray = worst[cells[0], cells[1]]
-    return found
+    return worst[cells[0], cells[1]]
 
 
 def block_colours(frame: Frame, mosaic: Mosaic) -> BlockColours:

@@ -121,5 +121,4 @@ def _own_agreement(base: View, agreements: list[ByteArray]) -> ByteArray:
     others = agreements[1]
     for each in agreements[2:]:
         others = np.maximum(others, each)
-    own: ByteArray = (255 - np.rint((1 - unclipped(base)) * others)).astype(np.uint8)
-    return own
+    return (255 - np.rint((1 - unclipped(base)) * others)).astype(np.uint8)

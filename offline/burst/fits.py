@@ -85,8 +85,7 @@ def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
     if won.sum() <= _LEAST * most.sum():
         return np.zeros_like(field)  # some windows out of many would agree by chance
     won = _window(won) / np.maximum(_window(most), _TINY)
-    taken: DoubleArray = field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
-    return taken
+    return field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
 
 
 def _certain(tiles: Tiles) -> DoubleArray:
@@ -96,15 +95,13 @@ def _certain(tiles: Tiles) -> DoubleArray:
 
 def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
     """Squared deviations in units of their variance: (R, C)."""
-    squared: DoubleArray = (shifts * _times(information, shifts)).sum(axis=-1)
-    return squared
+    return (shifts * _times(information, shifts)).sum(axis=-1)
 
 
 def _counts(far: DoubleArray) -> DoubleArray:
     """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
     limit = max(_FAR, 4 * float(np.median(far)))
-    weights: DoubleArray = (limit / (limit + far)) ** 2
-    return weights
+    return (limit / (limit + far)) ** 2
 
 
 def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -> DoubleArray:
@@ -121,8 +118,7 @@ def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -
     field, missed = cg(matrix, right, guess.ravel(), rtol=_TOLERANCE, maxiter=_ITERATIONS, M=inverse)
     if missed:
         raise InputError(f"cannot be aligned: its local shifts are not found in {_ITERATIONS} iterations")
-    solved: DoubleArray = field.reshape(shifts.shape)
-    return solved
+    return field.reshape(shifts.shape)
 
 
 def _blocks(matrices: DoubleArray) -> Any:
@@ -132,12 +128,10 @@ def _blocks(matrices: DoubleArray) -> Any:
 
 
 def _times(matrices: DoubleArray, vectors: DoubleArray) -> DoubleArray:
-    product: DoubleArray = matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]
-    return product
+    return matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]
 
 
 def _window(values: DoubleArray) -> DoubleArray:
     """Sums over the window around each node, and a little of the sum over all: what decides where a window holds no texture."""
     size = 2 * _NEAR + 1
-    sums: DoubleArray = size**2 * uniform_filter(values, size, mode="constant") + _OVERALL * values.sum()
-    return sums
+    return size**2 * uniform_filter(values, size, mode="constant") + _OVERALL * values.sum()

@@ -160,8 +160,7 @@ def tile_means(plane: FloatArray | BoolArray) -> FloatArray:
     size = min(_TILE, *plane.shape)
     rows, columns = (count // size * size for count in plane.shape)
     cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
-    means: FloatArray = cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
-    return means
+    return cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
 
 
 def _noise_kept() -> np.float32:

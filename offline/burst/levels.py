@@ -66,5 +66,4 @@ def _halved(plane: FloatArray) -> FloatArray:
     """Means of 2 x 2 pixels."""
     height, width = (size // 2 * 2 for size in plane.shape)
     rows = plane[:height:2, :width] + plane[1:height:2, :width]
-    halved: FloatArray = np.float32(0.25) * (rows[:, ::2] + rows[:, 1::2])
-    return halved
+    return np.float32(0.25) * (rows[:, ::2] + rows[:, 1::2])

@@ -78,8 +78,7 @@ def _unseen(agreements: ByteArray, panchromatic: BoolArray, motions: list[Motion
     total = np.zeros(panchromatic.shape, np.float32)
     for agrees, motion in zip(agreements, motions, strict=True):
         total += np.nan_to_num(displaced(panchromatic.astype(np.float32), motion)) * agrees / 255
-    unseen: FloatArray = 1 - total.clip(0, 1)
-    return unseen
+    return 1 - total.clip(0, 1)
 
 
 def _panchromatic(noise: NoiseModel | None) -> tuple[float, float]:

@@ -140,5 +140,4 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
 
 def alone_of(shares: FloatArray) -> FloatArray:
     """How far the reference is alone, 0 to 1, by the variance of merged luminance relative to its own."""
-    alone: FloatArray = np.maximum(shares - SHARED, 0) / (1 - SHARED)
-    return alone
+    return np.maximum(shares - SHARED, 0) / (1 - SHARED)

@@ -194,7 +194,7 @@ def kernel(function: F) -> F:
     """
     part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
     part.__class__ = _Part
-    return part  # type: ignore[no-any-return]
+    return part
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]

@@ -74,8 +74,7 @@ def sigma_z(frame: Cleaned) -> float:
     for place in places:
         level += float(frame.signal[place].mean()) / len(places)
     variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))] if noise else [0.0]
-    sigma: float = max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
-    return sigma
+    return max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
 
 
 def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT) -> DoubleArray:

@@ -244,8 +244,7 @@ def _likelihood(
     variance = lines.slope**2 * uncertain[0] + uncertain[1]
     rest = (seen - lines.at(light)) / np.sqrt(variance)
     chi = np.einsum("iyx,ij,jyx->yx", rest, independent, rest) / np.float32(_FREEDOM)
-    found: FloatArray = -np.log(variance).sum(axis=0) / 2 - np.float32((_FREEDOM + len(seen)) / 2) * np.log1p(chi)
-    return found
+    return -np.log(variance).sum(axis=0) / 2 - np.float32((_FREEDOM + len(seen)) / 2) * np.log1p(chi)
 
 
 def _independent(sites: Sites) -> FloatArray:
@@ -258,9 +257,9 @@ def _independent(sites: Sites) -> FloatArray:
 
 def _apart(colours: FloatArray) -> FloatArray:
     """Squared distance from grey, without the luminance of (C, rows, columns)."""
-    return np.square(colours - colours.mean(axis=0)).sum(axis=0)  # type: ignore[no-any-return]
+    return np.square(colours - colours.mean(axis=0)).sum(axis=0)
 
 
 def _believed(chi: FloatArray, limit: FloatArray | float, power: int = _STEEPNESS) -> FloatArray:
     """1 where there is no deviation, one half at the limit."""
-    return 1 / (1 + np.maximum(chi / limit, 0) ** power)  # type: ignore[no-any-return]
+    return 1 / (1 + np.maximum(chi / limit, 0) ** power)

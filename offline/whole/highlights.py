@@ -113,8 +113,7 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
     near, beside = (maximum_filter(plane, 3, mode="nearest") for plane in (inside, inside * gone))
-    found: DoubleArray = 1 - near + near * (inside * gone + (1 - inside) * beside)
-    return found
+    return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 
 def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
@@ -126,15 +125,14 @@ def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArra
 
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
     total, count = (uniform_filter(plane, 1 + 2 * reach, mode="constant") for plane in (lost.clip(0, 1), clear.astype(np.float32)))
-    share: ByteArray = np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
-    return share
+    return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
 
 
 def _three_by_three(plane: DoubleArray) -> DoubleArray:
     wide = np.pad(plane, 1)
     rows, columns = plane.shape
     shifted = [wide[down : down + rows, across : across + columns] for down in range(3) for across in range(3)]
-    return np.sum(shifted, axis=0)  # type: ignore[no-any-return]
+    return np.sum(shifted, axis=0)
 
 
 def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...], shoulder: float) -> DoubleArray:

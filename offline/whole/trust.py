@@ -39,8 +39,7 @@ def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | No
     apart = np.where(found.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
     tolerance = settings.tolerance * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, found.light, gamma, frame.noise) if frame.noise else 0.0
-    trust: DoubleArray = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
-    return trust
+    return 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
 
 
 def with_trusted_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:

@@ -64,8 +64,7 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
 
 def record_id(record: bytes) -> str:
     """`Record.id` of what `encode_record` returned. Nothing is checked: decoding would cost a camera time for every frame."""
-    identity: str = json.loads(record[len(RECORD_ID) :])["digest"]
-    return identity
+    return json.loads(record[len(RECORD_ID) :])["digest"]
 
 
 def is_record(data: bytes) -> bool:

@@ -110,8 +110,7 @@ def _noise_left(motions: Sequence[Motion], noise: FloatArray) -> DoubleArray:
     rng = np.random.default_rng(0)
     mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
     merged = _merged(mosaics, [demosaic_dlmmse(mosaic) for mosaic in mosaics], motions)
-    left: DoubleArray = merged.std(axis=(0, 1))
-    return left
+    return merged.std(axis=(0, 1))
 
 
 def _denoised(picture: DoubleArray, noise: DoubleArray) -> DoubleArray:

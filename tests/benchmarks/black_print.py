@@ -29,8 +29,7 @@ def page(font: str) -> FloatArray:
         pen.text((5 * FINE, top * FINE), WORDS[7 * (line % 5) :], INK, ImageFont.truetype(font, size * FINE))
         top += 1.25 * size + 2
     grey = np.asarray(plane).reshape(SHAPE[0], FINE, SHAPE[1], FINE).mean(axis=(1, 3)).astype(np.float32)
-    shown: FloatArray = grey[..., None].repeat(3, axis=2)
-    return shown
+    return grey[..., None].repeat(3, axis=2)
 
 
 def main() -> None:

@@ -123,8 +123,7 @@ class _Child:
         if not line:
             self._process.wait(1)
             raise EOFError
-        answer: dict[str, Any] = json.loads(line)
-        return answer
+        return json.loads(line)
 
     def _resident(self) -> int:
         try:

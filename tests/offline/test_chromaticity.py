@@ -67,8 +67,7 @@ PLAIN, ODD = np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.2, 0.6])
 def filtered(coarse: DoubleArray) -> FloatArray:
     mosaic, light = coarse_mosaic(coarse)
     found = estimate_chromaticities(cleaned(mosaic), light, PAPER)
-    inside: FloatArray = found[mosaic.pattern.grid(mosaic.shape).inside].reshape(coarse.shape)
-    return inside
+    return found[mosaic.pattern.grid(mosaic.shape).inside].reshape(coarse.shape)
 
 
 @every_case

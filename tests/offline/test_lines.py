@@ -41,8 +41,7 @@ def strokes(shape: tuple[int, int], seed: int = 0) -> DoubleArray:
 def printed(shape: tuple[int, int], ink: DoubleArray, paper: DoubleArray) -> DoubleArray:
     """A scene, (H, W, C)."""
     covered = strokes(shape)[..., None]
-    scene: DoubleArray = covered * ink + (1 - covered) * paper
-    return scene
+    return covered * ink + (1 - covered) * paper
 
 
 def shot_of(scene: DoubleArray, pattern: CfaPattern, sigma: float | None) -> Mosaic:

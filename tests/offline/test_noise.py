@@ -22,8 +22,7 @@ ACCURACY = 0.12
 def smooth(shape: tuple[int, int]) -> FloatArray:
     row, column = np.indices(shape)
     light = 0.05 + 0.9 * (row / shape[0] * 0.5 + 0.25 + 0.25 * np.sin(column / 40)) ** 2
-    scene: FloatArray = (light[..., None] * np.array([0.9, 0.7, 0.5])).astype(np.float32)
-    return scene
+    return (light[..., None] * np.array([0.9, 0.7, 0.5])).astype(np.float32)
 
 
 def busy(shape: tuple[int, int]) -> FloatArray:

@@ -15,8 +15,7 @@ def domain(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, (luminance.shape[0], luminance.shape[1]))
     rows = [mirrored(top + y, luminance.shape[0]) for y in range(down * pattern.period)]
     columns = [mirrored(left + x, luminance.shape[1]) for x in range(across * pattern.period)]
-    area: DoubleArray = luminance[np.ix_(rows, columns)]
-    return area
+    return luminance[np.ix_(rows, columns)]
 
 
 def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) -> DoubleArray:

@@ -128,4 +128,4 @@ def spread(
                     matrix[a, b] -= link
                     matrix[b, a] -= link
     solved = spsolve((matrix + fading * sparse.identity(parts * size)).tocsc(), right).reshape(parts, height, width)
-    return chromaticity + np.einsum("cp,pyx->yxc", basis, solved) / (gamma * luminance[..., None])  # type: ignore[no-any-return]
+    return chromaticity + np.einsum("cp,pyx->yxc", basis, solved) / (gamma * luminance[..., None])

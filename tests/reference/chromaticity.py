@@ -23,8 +23,7 @@ def solve_block(samples: list[list[float]], luminance: list[list[float]], gamma:
         equations[i, count] = equations[count, i] = gamma[i]
         right[i] = sum(light * sample for light, sample in zip(luminance[i], samples[i], strict=True)) + sigma**2 * grey
     right[count] = 1.0
-    solution: DoubleArray = np.linalg.solve(equations, right)[:count].astype(np.float64)
-    return solution
+    return np.linalg.solve(equations, right)[:count].astype(np.float64)
 
 
 def estimate(
@@ -83,8 +82,7 @@ def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, r
         if np.array_equal(following, current):
             break
         current = following
-    scaled: DoubleArray = current / (current @ np.array(gamma))[..., None]
-    return scaled
+    return current / (current @ np.array(gamma))[..., None]
 
 
 def give_back(
@@ -123,8 +121,7 @@ def give_back(
         energies[number] = light * missing**2, noise, light * float(np.sum((own[place] - smooth[place]) ** 2))
     error, noise_energy, taken = (gaussian.blur(plane, 2.0) for plane in np.moveaxis(energies.reshape(*own.shape[:2], 3), 2, 0))
     share = np.clip(1 - (error / gain + noise_energy) / np.maximum(taken, 1e-30), 0, 1)
-    result: DoubleArray = smooth + share[..., None] * (own - smooth)
-    return result
+    return smooth + share[..., None] * (own - smooth)
 
 
 def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:
@@ -136,5 +133,4 @@ def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> 
         np.arange(down + 1).clip(rows[0], rows[-1]) - rows[0],
         np.arange(across + 1).clip(columns[0], columns[-1]) - columns[0],
     )
-    result: DoubleArray = coarse[np.ix_(*nearest)]
-    return result
+    return coarse[np.ix_(*nearest)]

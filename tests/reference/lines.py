@@ -78,7 +78,7 @@ def colour_lines(
         slope[here] += tint * max(1 - error / max(tint @ tint, 1e-30), 0)
 
     def apart(colours: DoubleArray) -> DoubleArray:
-        return ((colours - colours.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)  # type: ignore[no-any-return]
+        return ((colours - colours.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
 
     expected = even + strokes
     printed = around @ strokes / np.maximum(around @ strokes + constants._PRINT * variance, 1e-30)

@@ -66,7 +66,7 @@ def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
 def synthesise(bands: list[DoubleArray]) -> DoubleArray:
     """The transpose of the analysis, which inverts it because the frame is tight."""
     parts = [convolved(band, down[::-1], across[::-1]) for band, (down, across) in zip(bands, filters(), strict=True)]
-    return np.sum(parts, axis=0)  # type: ignore[no-any-return]
+    return np.sum(parts, axis=0)
 
 
 def objective(picture: DoubleArray) -> float:

@@ -64,8 +64,7 @@ def pin(
         matrix = sparse.diags(weight.ravel() + constants._FADING) + smooth
         pinned[..., channel] = base[..., channel] + spsolve(matrix.tocsc(), right.ravel()).reshape(shape)
     total = (pinned @ weights)[..., None]
-    result: DoubleArray = np.where(total > constants._LEAST_SUM, pinned / total, chromaticity)
-    return result
+    return np.where(total > constants._LEAST_SUM, pinned / total, chromaticity)
 
 
 def _corner(whole: list[list[list[tuple[int, int, str]]]], pattern: CfaPattern) -> tuple[int, int]:

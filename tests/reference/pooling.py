@@ -67,8 +67,7 @@ def solve(
         equations[i, i] = weight[i] + precision
         equations[i, count] = equations[count, i] = gamma[i]
         right[i] = product[i] + precision * expected[i]
-    solution: DoubleArray = np.linalg.solve(equations, right)[:count].astype(np.float64)
-    return solution
+    return np.linalg.solve(equations, right)[:count].astype(np.float64)
 
 
 def pool(

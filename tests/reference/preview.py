@@ -109,8 +109,7 @@ class Block:
         every = np.kron(near, np.where(np.eye(count) > 0, 1, CHANNELS))
         seen = [number * count + channel for number, channel in enumerate(channels)]
         errors = every[:, seen] @ np.linalg.solve(every[np.ix_(seen, seen)], missed)
-        result: DoubleArray = self.filled + share * errors.reshape(-1, count).sum(axis=1)
-        return result
+        return self.filled + share * errors.reshape(-1, count).sum(axis=1)
 
     def _mean_light(self, gamma: DoubleArray) -> float:
         return float(self.colours @ gamma / gamma.sum())
@@ -159,8 +158,7 @@ class Colours:
             return total
 
         total = own.colours_of_light * POOLING * own.light**2 + own.misread * along_row(column, 2)
-        result: DoubleArray = total / total.sum() / np.array(self._mosaic.calibration.gamma)
-        return result
+        return total / total.sum() / np.array(self._mosaic.calibration.gamma)
 
     def spread(self, row: int, column: int, light: Sample) -> DoubleArray:
         """The colour of the cell around a sensor pixel; light: that of the part of the picture that begins at any pixel."""
@@ -180,8 +178,7 @@ class Colours:
             near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
             part = near**SPREAD * each.limit / ((mean - each.light) ** 2 + each.limit)
             total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
-        result: DoubleArray = total / weight
-        return result
+        return total / weight
 
 
 def preview(mosaic: Mosaic) -> DoubleArray:

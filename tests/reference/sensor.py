@@ -9,8 +9,7 @@ from tests.reference.geometry import letter
 
 def luminance_of(scene: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
     """What panchromatic pixels read of a scene (H, W, C): sum_i gamma_i channel_i (Eq. 7), (H, W)."""
-    total: DoubleArray = sum(weight * scene[..., channel] for channel, weight in enumerate(gamma))  # type: ignore[assignment]  # Eq. 7
-    return total
+    return sum(weight * scene[..., channel] for channel, weight in enumerate(gamma))  # type: ignore[return-value]  # Eq. 7
 
 
 def observe(

@@ -79,16 +79,14 @@ def noise_of(signal: DoubleArray, pattern: CfaPattern, noise: NoiseModel | None)
 
 def signal_power(error: DoubleArray, variance: DoubleArray) -> DoubleArray:
     """Mean square of the errors around each block beyond the noise. error: (rows, columns, S). variance: (rows, columns)."""
-    power: DoubleArray = np.maximum(blur((error**2).mean(axis=2), constants._WIDTH) - constants._DEVIATIONS * variance, 0)
-    return power
+    return np.maximum(blur((error**2).mean(axis=2), constants._WIDTH) - constants._DEVIATIONS * variance, 0)
 
 
 def fill_errors(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     """Standard deviation of the error of filled luminance of the whole blocks, (rows, columns)."""
     blocks = whole_blocks(pattern, (luminance.shape[0], luminance.shape[1]))
     bends = np.array([[[curvature(luminance, (y, x), pattern) for y, x, _ in sites] for sites in row] for row in blocks])
-    fill_error: DoubleArray = constants._CURVED * np.sqrt((bends**2).mean(axis=2))
-    return fill_error
+    return constants._CURVED * np.sqrt((bends**2).mean(axis=2))
 
 
 def most_probable(

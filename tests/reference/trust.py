@@ -31,8 +31,7 @@ def trust_in_blocks(
     unsure = np.array([_noise(pattern, gamma, noise, each) for each in light]) if noise else 0.0
     width = agreement * np.maximum(light, 1e-9) + constants._NOISE * unsure
     rows = len(whole_blocks(pattern, (signal.shape[0], signal.shape[1])))
-    trust: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
-    return trust
+    return (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
 
 
 def ring_of(sites: list[tuple[int, int, str]], pattern: CfaPattern, shape: tuple[int, int]) -> list[tuple[int, int]]:
@@ -61,5 +60,4 @@ def with_trusted_colour(coarse: DoubleArray, trust: DoubleArray, gamma: tuple[fl
     weight = np.maximum(blur(trust, constants._AROUND), 1e-9)
     around = np.stack([blur(trust * plane, constants._AROUND) / weight for plane in np.moveaxis(coarse, 2, 0)], axis=2)
     around /= (around @ np.array(gamma))[..., None]
-    result: DoubleArray = trust[..., None] * coarse + (1 - trust[..., None]) * around
-    return result
+    return trust[..., None] * coarse + (1 - trust[..., None]) * around

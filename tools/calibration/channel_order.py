@@ -54,5 +54,4 @@ def _hues(levels: DoubleArray) -> DoubleArray:
     """Return the logarithms of the levels relative to grey and to the mean of the patch's channels, (24, C)."""
     parts = np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST)
     logarithms = np.log(parts)
-    hues: DoubleArray = logarithms - logarithms.mean(axis=1, keepdims=True)
-    return hues
+    return logarithms - logarithms.mean(axis=1, keepdims=True)

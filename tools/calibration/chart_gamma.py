@@ -114,8 +114,7 @@ class _Problem:
         total = _total(self.variance, gamma)
         pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]
         likely = unknowns(self.colours + pull, self.places)[used]
-        information: DoubleArray = (likely / total[used, None]).T @ likely
-        return information
+        return (likely / total[used, None]).T @ likely
 
 
 def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
@@ -146,5 +145,4 @@ def _total(variance: DoubleArray, gamma: DoubleArray) -> DoubleArray:
 def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
     weight = 1 / np.sqrt(variance.sum(axis=1))
     start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
-    positive: DoubleArray = np.maximum(start, 1e-2)
-    return positive
+    return np.maximum(start, 1e-2)

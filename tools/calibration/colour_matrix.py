@@ -120,15 +120,13 @@ def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: Doub
     design = np.einsum("nij,nk->nijk", slopes, free).reshape(3 * len(camera), -1)
     target = np.einsum("nij,nj->ni", slopes, reference - camera @ start.T).ravel()
     solution, *_ = np.linalg.lstsq(design, target, rcond=None)
-    matrix: DoubleArray = start + solution.reshape(3, -1) @ basis.T
-    return matrix
+    return start + solution.reshape(3, -1) @ basis.T
 
 
 def _emphasis(reference: DoubleArray) -> DoubleArray:
     """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in `delta_e_2000`)."""
     _, a, b = xyz_to_lab(reference).T
-    emphasis: DoubleArray = 1 / (1 + 0.045 * np.hypot(a, b))
-    return emphasis
+    return 1 / (1 + 0.045 * np.hypot(a, b))
 
 
 def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:

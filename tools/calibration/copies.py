@@ -61,8 +61,7 @@ def _noise(mosaic: Mosaic) -> DoubleArray:
 def _usual(values: DoubleArray) -> BoolArray:
     """Return which values are no outliers: hot pixels are alike in all frames, and edited ones hide what is alike."""
     low, middle, high = np.quantile(values, (0.16, 0.5, 0.84))
-    usual: BoolArray = np.abs(values - middle) <= _OUTLIER * max((high - low) / 2, 1.0)
-    return usual
+    return np.abs(values - middle) <= _OUTLIER * max((high - low) / 2, 1.0)
 
 
 def _correlation(one: DoubleArray, other: DoubleArray) -> float:

@@ -91,8 +91,7 @@ def fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tup
 def _shares(slope: DoubleArray, shot: Edges) -> DoubleArray:
     """Return the shares of the channels in luminance, (N, C); slope: (N, C), how much each changes with it, up to a factor."""
     parts = np.maximum(slope * shot.gamma, 1e-9)
-    shares: DoubleArray = parts / parts.sum(axis=1, keepdims=True)
-    return shares
+    return parts / parts.sum(axis=1, keepdims=True)
 
 
 def _start(shots: Sequence[Edges]) -> DoubleArray:
@@ -108,8 +107,7 @@ def _start(shots: Sequence[Edges]) -> DoubleArray:
             variance = known + _FILLED**2 * filled
             residual, _ = _Local.around(some, light.value, 1 / variance).residual()
             cost[number] += some.of_channels(np.log1p(residual**2 / variance)).sum(axis=0)
-    best: DoubleArray = tried[cost.argmin(axis=0)]
-    return best
+    return tried[cost.argmin(axis=0)]
 
 
 def _variances(shot: Edges, light: DisplacedLuminance) -> tuple[DoubleArray, DoubleArray]:
@@ -123,8 +121,7 @@ def _variances(shot: Edges, light: DisplacedLuminance) -> tuple[DoubleArray, Dou
 def _ratio(shot: Edges, luminance: DoubleArray) -> DoubleArray:
     """Return each channel over luminance in each window, (N, C), positive."""
     of_light = shot.of_channels(luminance)
-    ratio: DoubleArray = np.clip(shot.of_channels(shot.sample) / np.where(of_light > 0, of_light, np.inf), 1e-3, 1e3)
-    return ratio
+    return np.clip(shot.of_channels(shot.sample) / np.where(of_light > 0, of_light, np.inf), 1e-3, 1e3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,8 +112,7 @@ class Edges:
         first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
         down, right = (np.clip(each, -_FARTHEST, _FARTHEST) for each in (down, right))
         y, x = first + self.place[:, 0] + down, self.place[:, 1] + right
-        values: DoubleArray = ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
-        return values
+        return ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
 
     def chosen(self, which: IndexArray) -> "Edges":
         """Return some of the windows."""
@@ -126,8 +125,7 @@ class Edges:
 
     def of_channels(self, values: DoubleArray) -> DoubleArray:
         """Return sums over the samples of each channel: (N, S) -> (N, C)."""
-        sums: DoubleArray = np.stack([values[:, self.channel == each].sum(axis=1) for each in range(len(self.channels))], axis=1)
-        return sums
+        return np.stack([values[:, self.channel == each].sum(axis=1) for each in range(len(self.channels))], axis=1)
 
 
 def find_edges(name: str, mosaic: Mosaic, filled: Filled, gamma: DoubleArray | None = None) -> Edges:
@@ -203,8 +201,7 @@ def find_edges(name: str, mosaic: Mosaic, filled: Filled, gamma: DoubleArray | N
 def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int) -> FloatArray:
     """Return windows of a plane with their margins, (N, height, width)."""
     reach = np.arange(-_MARGIN, side + _MARGIN)
-    windows: FloatArray = plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
-    return windows
+    return plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
 
 
 def fill_along_edges(windows: FloatArray, holes: BoolArray) -> FloatArray:
@@ -246,8 +243,7 @@ def _sums(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, si
     """Return the sum of a plane over each window, (N,), and as much around it as the margin."""
     total = np.pad(plane.cumsum(axis=0, dtype=np.float64).cumsum(axis=1), ((1, 0), (1, 0)))
     first, last = (top - margin, left - margin), (top + side + margin, left + side + margin)
-    sums: DoubleArray = total[*last] - total[first[0], last[1]] - total[last[0], first[1]] + total[*first]
-    return sums
+    return total[*last] - total[first[0], last[1]] - total[last[0], first[1]] + total[*first]
 
 
 def _strongest(score: DoubleArray, tile: IndexArray, most: int) -> IndexArray:

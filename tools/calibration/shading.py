@@ -222,16 +222,14 @@ def _design(size: tuple[int, int], points: tuple[int, ...], rows: DoubleArray, c
 
 def _values(points: DoubleArray, size: tuple[int, int], rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return a spline's values at N places, (N,)."""
-    values: DoubleArray = _design(size, points.shape, rows, columns) @ points.ravel()
-    return values
+    return _design(size, points.shape, rows, columns) @ points.ravel()
 
 
 def _residuals(tiles: _Tiles) -> list[float]:
     """Return how far the tiles of each plane differ, beyond their noise: root mean square, as a share of the light."""
     share = tiles.light / tiles.light.mean(axis=1, keepdims=True) - 1
     beyond = (share**2).mean(axis=1) - _NOISE * ((tiles.error / tiles.light) ** 2).mean(axis=1)
-    residuals: list[float] = np.sqrt(np.maximum(beyond, 0)).tolist()
-    return residuals
+    return np.sqrt(np.maximum(beyond, 0)).tolist()
 
 
 def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:

@@ -59,8 +59,7 @@ class CameraPair:
         mixing = np.array(self._filters.matrix)
         if np.array_equal(mixing, np.eye(len(self.channels))):
             return picture
-        unmixed: FloatArray = (picture[..., : len(mixing)] @ np.linalg.pinv(mixing).T).astype(np.float32)
-        return unmixed
+        return (picture[..., : len(mixing)] @ np.linalg.pinv(mixing).T).astype(np.float32)
 
     def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
         """Render the Bayer shot. Returns float32 (H, W, 3), scene units.

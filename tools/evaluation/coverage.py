@@ -26,8 +26,7 @@ def kinds(truth: FloatArray) -> ByteArray:
     light = truth.sum(axis=2, dtype=np.float64)
     colour = truth - light[..., None] / truth.shape[2]
     fine = sum(_variance(plane) for plane in np.moveaxis(colour, 2, 0)) > _FINE**2
-    found: ByteArray = np.where(fine, 2, _variance(light) > _EDGE**2).astype(np.uint8)
-    return found
+    return np.where(fine, 2, _variance(light) > _EDGE**2).astype(np.uint8)
 
 
 def coverage(rendered: FloatArray, truth: FloatArray, stated: FloatArray) -> DoubleArray:
@@ -86,5 +85,4 @@ def _variance(plane: DoubleArray) -> DoubleArray:
     from scipy.ndimage import uniform_filter
 
     mean, square = (uniform_filter(each, 2 * _REACH + 1, mode="mirror") for each in (plane, np.square(plane)))
-    found: DoubleArray = np.maximum(square - np.square(mean), 0)
-    return found
+    return np.maximum(square - np.square(mean), 0)

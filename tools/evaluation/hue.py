@@ -38,8 +38,7 @@ def balance(truth: FloatArray) -> DoubleArray:
     mean = np.maximum(truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
     gain = mean.mean() / mean  # white balance
     luminance = truth @ (gain * SRGB_TO_XYZ[1])
-    result: DoubleArray = gain * _BRIGHT / max(float(np.quantile(luminance, _BRIGHT_SHARE)), _DARKEST)
-    return result
+    return gain * _BRIGHT / max(float(np.quantile(luminance, _BRIGHT_SHARE)), _DARKEST)
 
 
 def lab(balanced: DoubleArray) -> DoubleArray:

@@ -164,5 +164,4 @@ def _window_means(plane: DoubleArray) -> FloatArray:
         end = plane.shape[axis] - BORDER if len(origins) == 1 else 0
         means = [plane.take(range(start, end or start + WINDOW), axis).mean(axis=axis) for start in origins]
         plane = np.stack(means, axis=axis)
-    found: FloatArray = plane.astype(np.float32)
-    return found
+    return plane.astype(np.float32)

@@ -119,5 +119,4 @@ def _box_mean(values: DoubleArray, size: int) -> DoubleArray:
 
 
 def _decibels(mean_square: DoubleArray | np.float64) -> DoubleArray:
-    decibels: DoubleArray = -10 * np.log10(np.maximum(mean_square, 10 ** (-CAP / 10)))
-    return decibels
+    return -10 * np.log10(np.maximum(mean_square, 10 ** (-CAP / 10)))

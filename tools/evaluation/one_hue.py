@@ -30,5 +30,4 @@ def uneven_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
             total += same * wide_error[place]
             count += same
     apart = np.square(error - total / count).sum(axis=2)
-    uneven: BoolArray = (apart > UNEVEN**2) & (count[..., 0] >= _FEWEST)
-    return uneven
+    return (apart > UNEVEN**2) & (count[..., 0] >= _FEWEST)

@@ -86,8 +86,7 @@ def fitted(errors: Errors) -> DoubleArray:
 
     start = np.full(len(unit), np.log(np.square(errors.errors).mean() / len(unit) + _LEAST))
     found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-35, 5)] * len(start))
-    weights: DoubleArray = np.exp(found.x) / unit
-    return weights
+    return np.exp(found.x) / unit
 
 
 def main() -> int:

@@ -18,12 +18,10 @@ def colour_doubt(luminance: FloatArray, uncertainty: FloatArray, gamma: FloatArr
     luminance: (H, W), what a panchromatic pixel reads. uncertainty: see `offline.Rendering`. gamma: (C,), of Eq. 7.
     """
     off = np.sqrt(np.square(uncertainty[..., 1:] * gamma).sum(axis=2))
-    doubt: FloatArray = off / (np.maximum(luminance, 0) + np.float32(_DARK) * gamma.sum())
-    return doubt
+    return off / (np.maximum(luminance, 0) + np.float32(_DARK) * gamma.sum())
 
 
 def certainty_map(shown: ByteArray, doubt: FloatArray) -> ByteArray:
     """The picture, uint8 (H, W, 3), in grey, tinted where its colour is inferred or guessed. doubt: (H, W), see `colour_doubt`."""
     grey = 60 + shown.mean(axis=2, dtype=np.float32) * np.float32(195 / 255)
-    found: ByteArray = np.rint(grey[..., None] * _TINTS[np.digitize(doubt, (INFERRED, GUESSED))]).astype(np.uint8)
-    return found
+    return np.rint(grey[..., None] * _TINTS[np.digitize(doubt, (INFERRED, GUESSED))]).astype(np.uint8)

@@ -55,7 +55,7 @@ def run_limited(file: Path, modules: tuple[str, ...], function: Callable[P, R], 
             process.kill()
     if not done:
         raise result
-    return result  # type: ignore[no-any-return]
+    return result
 
 
 def serve() -> None:

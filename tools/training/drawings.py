@@ -51,8 +51,7 @@ def colour(random: np.random.Generator) -> FloatArray:
     if kind == 0:
         return np.full(3, light, np.float32)
     weight = random.uniform(0, 1, 3) ** (3 if kind == 1 else 1)
-    mixed: FloatArray = np.maximum(light * weight / weight.max(), _DARKEST).astype(np.float32)
-    return mixed
+    return np.maximum(light * weight / weight.max(), _DARKEST).astype(np.float32)
 
 
 def _ground(random: np.random.Generator) -> FloatArray:
@@ -60,16 +59,14 @@ def _ground(random: np.random.Generator) -> FloatArray:
     if kind == 0:
         leaves = dead_leaves(SIZE, SIZE, SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30)))
         mixing = np.eye(3) + random.normal(0, 0.25, (3, 3))
-        mixed: FloatArray = (leaves @ np.abs(mixing)).clip(_DARKEST, 1).astype(np.float32)
-        return mixed
+        return (leaves @ np.abs(mixing)).clip(_DARKEST, 1).astype(np.float32)
     first, last = colour(random), colour(random) if kind == 1 else None
     if last is None:
         return np.broadcast_to(first, (SIZE, SIZE, 3)).copy()
     angle = random.uniform(0, 2 * np.pi)
     down, across = np.mgrid[0:SIZE, 0:SIZE] / SIZE - 0.5
     share = (np.cos(angle) * across + np.sin(angle) * down + 0.5).clip(0, 1)[..., None]
-    gradient: FloatArray = (first * (1 - share) + last * share).astype(np.float32)
-    return gradient
+    return (first * (1 - share) + last * share).astype(np.float32)
 
 
 def _ink(random: np.random.Generator, palette: list[FloatArray], ground: FloatArray) -> FloatArray:

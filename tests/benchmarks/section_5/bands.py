@@ -91,5 +91,4 @@ class Truth:
         """Angles between spectra, degrees: how different they are whatever their brightness."""
         one, two = (each[BORDER:-BORDER, BORDER:-BORDER].astype(np.float64) for each in (picture, self.bands))
         cosine = (one * two).sum(axis=2) / np.maximum(np.linalg.norm(one, axis=2) * np.linalg.norm(two, axis=2), 1e-12)
-        angles: DoubleArray = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
-        return angles
+        return np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))

@@ -64,8 +64,7 @@ def codes(shape: tuple[int, int], seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     light = 900 + 500 * np.sin(rows / 5) + 400 * np.cos(columns / 7) + 1200 * (columns - rows > 3) + rng.normal(0, 40, shape)
-    result: np.ndarray = light.clip(0, 4095).astype(np.uint16)
-    return result
+    return light.clip(0, 4095).astype(np.uint16)
 
 
 def linear(mosaic: Mosaic, scale: int = 1) -> FloatArray:

@@ -43,8 +43,7 @@ def smooth(pattern: CfaPattern) -> FloatArray:
         + 0.1 * np.sin(rows / 20)[..., None]
         + 0.1 * np.cos(columns / 17)[..., None] * np.linspace(1, 0.3, len(pattern.channels))
     )
-    result: FloatArray = light.astype(np.float32)
-    return result
+    return light.astype(np.float32)
 
 
 def shots(pattern: CfaPattern, places: list[tuple[int, int]]) -> tuple[Mosaic, Mosaic]:

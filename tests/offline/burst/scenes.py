@@ -34,5 +34,4 @@ def seen(motion: Motion, shape: tuple[int, int] = SHAPE, seed: int = 0) -> Float
 def error(found: Motion, true: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
     """Distance, pixels, between the places that two motions give, (H, W)."""
     first, second = (motion.places(slice(None), shape) for motion in (found, true))
-    distance: DoubleArray = np.hypot(first[0] - second[0], first[1] - second[1]).astype(np.float64)
-    return distance
+    return np.hypot(first[0] - second[0], first[1] - second[1]).astype(np.float64)

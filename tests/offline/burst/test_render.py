@@ -31,8 +31,7 @@ def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> 
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += 1.5 * lines
-    rgb: FloatArray = (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
-    return rgb
+    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
 
 
 def shots(

@@ -98,8 +98,7 @@ def _flash(frame: FloatArray) -> FloatArray:
 
 
 def _soft(frame: FloatArray) -> FloatArray:
-    soft: FloatArray = gaussian_filter(frame, (2, 2, 0))
-    return soft
+    return gaussian_filter(frame, (2, 2, 0))
 
 
 ODD: dict[str, Callable[[FloatArray], FloatArray]] = {

@@ -26,8 +26,7 @@ def light_of(shape: tuple[int, int], seed: int = 0) -> FloatArray:
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
     steps = 0.4 * (np.sin(row / 9.0 + seed) * np.cos(column / 13.0) > 0.2)
-    light: FloatArray = (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(np.float32)
-    return light
+    return (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(np.float32)
 
 
 def compare(light: FloatArray, pattern: CfaPattern) -> None:

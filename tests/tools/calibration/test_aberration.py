@@ -38,8 +38,7 @@ def discs(seed: int, channels: int = 3) -> FloatArray:
         inside = (radius - np.hypot(down + top - y, right + left - x)).clip(-0.5, 0.5)[..., None] + 0.5
         colour = rng.uniform(0.1, 0.9) * rng.uniform(0.6, 1.0, channels)
         scene[window] += inside * (colour - scene[window])
-    blurred: FloatArray = ndimage.gaussian_filter(scene, (0.6, 0.6, 0)).astype(np.float32)
-    return blurred
+    return ndimage.gaussian_filter(scene, (0.6, 0.6, 0)).astype(np.float32)
 
 
 def shot(

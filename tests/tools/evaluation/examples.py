@@ -26,8 +26,7 @@ def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
     rgb = 0.2 + 0.5 * (rgb - rgb.min()) / np.ptp(rgb)
     rgb[:, columns // 2 :] *= 0.5
     rgb[rows // 2 :, :, 2] *= 0.6
-    scene: FloatArray = rgb.astype(np.float32)
-    return scene
+    return rgb.astype(np.float32)
 
 
 def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, FloatArray]:

@@ -15,8 +15,7 @@ def scene(light: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> FloatArray:
     """Coloured patches that grow brighter to the right, float32 (150, 300, 3)."""
     colours = gaussian_filter(RNG.random((150, 300, 3)), (10, 10, 0))
     colours = 1 + 3 * (colours - colours.mean(axis=(0, 1))) / colours.std()
-    made: FloatArray = (np.linspace(0.05, 0.5, 300)[:, None] * np.clip(colours, 0.1, 8) / 4 * light).astype(np.float32)
-    return made
+    return (np.linspace(0.05, 0.5, 300)[:, None] * np.clip(colours, 0.1, 8) / 4 * light).astype(np.float32)
 
 
 def faded(truth: FloatArray, kept: FloatArray | float) -> FloatArray:
@@ -24,8 +23,7 @@ def faded(truth: FloatArray, kept: FloatArray | float) -> FloatArray:
     white = np.array(shades_of_grey(truth))
     balanced = truth / white
     grey = balanced.mean(axis=2, keepdims=True)
-    mixed: FloatArray = ((grey + kept * (balanced - grey)) * white).astype(np.float32)
-    return mixed
+    return ((grey + kept * (balanced - grey)) * white).astype(np.float32)
 
 
 @pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.6)])

@@ -111,5 +111,4 @@ def _pixels(corners: DoubleArray) -> Pixels:
 def _inside(corners: DoubleArray, x: DoubleArray, y: DoubleArray) -> BoolArray:
     """Return which points lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
     sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
-    inside: BoolArray = np.logical_and.reduce([(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides])
-    return inside
+    return np.logical_and.reduce([(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides])

@@ -80,5 +80,4 @@ def _gap_brightness(root: FloatArray, place: ChartPlace) -> float:
 
 def _at(plane: FloatArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
     """Return a plane's values at points in pixels, interpolated bilinearly."""
-    values: FloatArray = map_coordinates(plane, [y - 0.5, x - 0.5], order=1, mode="nearest")
-    return values
+    return map_coordinates(plane, [y - 0.5, x - 0.5], order=1, mode="nearest")

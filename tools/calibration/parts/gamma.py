@@ -78,8 +78,7 @@ def black_error(evidence: Evidence) -> DoubleArray:
     black = np.array(fit.calibration.black_level)
     # On all planes in common, and on each by itself.
     common = np.hypot(offset, error) / max(abs(1 - float(fit.gamma.sum())), _LEVER) * (fit.calibration.white_level - black)
-    shown: DoubleArray = np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
-    return shown
+    return np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
 
 
 def coloured_light(shot: ShotMeasurement) -> str:

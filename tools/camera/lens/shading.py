@@ -75,5 +75,4 @@ def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:
     """Control points of a map that is known at evenly spaced places."""
     place = np.arange(_PLACES, dtype=np.float64)
     down, right = (np.linalg.pinv(basis(_PLACES, count, place)) for count in _POINTS)
-    points: list[list[float]] = (down @ gain @ right.T).round(_DIGITS).tolist()
-    return points
+    return (down @ gain @ right.T).round(_DIGITS).tolist()

@@ -71,8 +71,7 @@ def _moving_mean(values: DoubleArray, axis: int) -> DoubleArray:
     from scipy.ndimage import correlate1d
 
     # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
-    mean: DoubleArray = correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
-    return mean
+    return correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
 
 
 DLMMSE = Method("dlmmse", "Bayer, DLMMSE 2005", demosaic_dlmmse, seconds=0.15)

@@ -25,8 +25,7 @@ class Levels:
 
     def encode(self, values: FloatArray) -> NDArray[np.uint16]:
         """Codes, uint16, of values in scene units."""
-        codes: NDArray[np.uint16] = np.rint(values * (self.white - self.black) + self.black).clip(0, 65535).astype(np.uint16)
-        return codes
+        return np.rint(values * (self.white - self.black) + self.black).clip(0, 65535).astype(np.uint16)
 
     def decode(self, codes: NDArray[np.uint16]) -> FloatArray:
         """Values in scene units, float32, of codes."""

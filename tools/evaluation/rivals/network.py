@@ -79,8 +79,7 @@ class Contract:
         """Derivative of `encode`."""
         if self.gamma == 1:
             return np.ones_like(light)
-        steep: DoubleArray = np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / (self.gamma * self._ends[1])
-        return steep
+        return np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / (self.gamma * self._ends[1])
 
     @property
     def _ends(self) -> tuple[float, float]:

@@ -45,8 +45,7 @@ def sharpened_planes(mosaic: Mosaic) -> FloatArray:
     gamma = np.array(mosaic.calibration.gamma, np.float32)
     found = _interpolated(mosaic, len(mosaic.pattern.planes))
     picture, luminance = found[..., :-1], found[..., -1:]
-    sharpened: FloatArray = picture + (luminance - (picture @ gamma)[..., None]) / gamma.sum()
-    return sharpened
+    return picture + (luminance - (picture @ gamma)[..., None]) / gamma.sum()
 
 
 def _interpolated(mosaic: Mosaic, count: int) -> FloatArray:

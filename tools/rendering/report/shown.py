@@ -63,8 +63,7 @@ def _cells(plane: FloatArray) -> FloatArray:
     half = CELL // 2
     starts = [np.arange(0, size, half) for size in plane.shape]
     sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
-    means: FloatArray = (sums / half**2).astype(np.float32)
-    return means
+    return (sums / half**2).astype(np.float32)
 
 
 def _highest(cells: FloatArray, shape: tuple[int, ...], count: int) -> list[tuple[int, int]]:

@@ -112,5 +112,4 @@ def _outside(x: DoubleArray, y: DoubleArray, width: float, height: float, corner
 def _mean(samples: DoubleArray) -> DoubleArray:
     """Average (h, w, C) over SAMPLES x SAMPLES samples: one value per pixel."""
     rows, columns = samples.shape[0] // SAMPLES, samples.shape[1] // SAMPLES
-    mean: DoubleArray = samples.reshape(rows, SAMPLES, columns, SAMPLES, -1).mean(axis=(1, 3))
-    return mean
+    return samples.reshape(rows, SAMPLES, columns, SAMPLES, -1).mean(axis=(1, 3))

@@ -73,8 +73,7 @@ def _star(x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, seco
     wave = np.sin(SPOKES * np.arctan2(down, right))
     nyquist = SPOKES * 2 * pixel / (2 * np.pi)
     wave[(radius > 0.46) | (radius < nyquist)] = 0
-    star: DoubleArray = (first + second) / 2 + wave[..., None] * (first - second) / 2
-    return star
+    return (first + second) / 2 + wave[..., None] * (first - second) / 2
 
 
 def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -> DoubleArray:
@@ -91,5 +90,4 @@ def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -
 
 def _slanted_square(right: DoubleArray, down: DoubleArray) -> BoolArray:
     cosine, sine = np.cos(SLANT), np.sin(SLANT)
-    inside: BoolArray = np.maximum(np.abs(right * cosine + down * sine), np.abs(down * cosine - right * sine)) < 0.14
-    return inside
+    return np.maximum(np.abs(right * cosine + down * sine), np.abs(down * cosine - right * sine)) < 0.14

@@ -136,8 +136,7 @@ def _reflectances(materials: Materials, x: DoubleArray, y: DoubleArray, draws: n
     brightness = draws.normal(0, 0.22, (x.size, 1))
     varied = draws.normal(0, 1, (x.size, len(materials.variation))) @ materials.variation
     varied = materials.reflectance[chosen] * np.exp(brightness + varied)
-    reflectance: FloatArray = np.clip(varied, 0.012, 0.8).astype(np.float32)
-    return reflectance
+    return np.clip(varied, 0.012, 0.8).astype(np.float32)
 
 
 def _paint(leaves: Leaves, ground: DoubleArray, top: int, bottom: int, width: int, step: int) -> FloatArray:

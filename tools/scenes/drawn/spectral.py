@@ -128,8 +128,7 @@ def _to_xyz(shining: DoubleArray) -> tuple[tuple[float, ...], ...]:
 
     def lobe(height: float, peak: float, left: float, right: float) -> DoubleArray:
         away = (CENTRES - peak) * np.where(peak > CENTRES, left, right)
-        curve: DoubleArray = height * np.exp(-0.5 * away**2)
-        return curve
+        return height * np.exp(-0.5 * away**2)
 
     matching = np.stack(
         [

@@ -20,8 +20,7 @@ def torus_covariance(power: DoubleArray) -> DoubleArray:
     spread = np.fft.ifft2(power, axes=(0, 1)).real
     places = np.array(list(np.ndindex(side, side)))
     down, across = np.moveaxis((places[:, None] - places) % side, 2, 0)
-    covariance: DoubleArray = spread[down, across].swapaxes(1, 2).reshape(side**2 * channels, -1)
-    return covariance
+    return spread[down, across].swapaxes(1, 2).reshape(side**2 * channels, -1)
 
 
 def by_matrix(tile: tuple[str, ...], passed: dict[str, str], channels: str, light: Light, spectra: Spectra, side: int) -> Figures:

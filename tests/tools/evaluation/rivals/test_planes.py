@@ -27,8 +27,7 @@ def ramp(rows: int, columns: int, channels: int) -> FloatArray:
     """Each channel is linear across the frame, in a direction of its own."""
     down, right = np.meshgrid(np.arange(rows) / rows, np.arange(columns) / columns, indexing="ij")
     slopes = np.linspace(0.1, 0.5, channels)
-    scene: FloatArray = (0.2 + slopes * down[..., None] + slopes[::-1] * right[..., None]).astype(np.float32)
-    return scene
+    return (0.2 + slopes * down[..., None] + slopes[::-1] * right[..., None]).astype(np.float32)
 
 
 def shot(scene: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> Mosaic:
