@@ -48,7 +48,6 @@ def photograph(path: Path, *, chart: bool = True) -> None:
         return
     outcome = conclude(Observations(mosaic, shots=[measured]), REFERENCE)
     gamma, facts = outcome.evidence.gamma, outcome.camera.measured if outcome.camera else {}
-    assert gamma is not None
     off = ", ".join(f"{100 * (value - 1):+.2f}" for value in gamma.gamma)
     line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * gamma.worst:.1f})"
     line += "".join(f"; {name} {facts['colour'][name]}" for name in COLOUR if "colour" in facts)

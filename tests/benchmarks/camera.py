@@ -138,7 +138,6 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         reading, writing = os.pipe()
         process = start("view", "-", *command, stdin=reading)
         os.close(reading)
-        assert process.stdout is not None
         camera = Camera(layout, frames, rate, writing)
         for line in process.stdout:
             if "http://" in line:

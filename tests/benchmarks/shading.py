@@ -49,9 +49,7 @@ def from_flats(shading: Shading, shape: tuple[int, int]) -> Shading:
     sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
     even, random = np.ones((*shape, 3), np.float32), np.random.default_rng(SEED)
     frames = [simulate_sensor(even, PATTERN, sensor, LIGHT, random) for _ in range(FLATS)]
-    found = measure_shading([(f"flat{number}", stating(frame, shading=None)) for number, frame in enumerate(frames)]).shading
-    assert found is not None
-    return found
+    return measure_shading([(f"flat{number}", stating(frame, shading=None)) for number, frame in enumerate(frames)]).shading
 
 
 def cornered(plane: FloatArray) -> Iterator[FloatArray]:

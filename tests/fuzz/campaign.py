@@ -70,7 +70,7 @@ def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = No
                 campaign.add(samples[number % len(samples)].kind, number, found, beyond)
     for number in campaign.faults if keep else ():
         sample, data = case(samples, seed, number)
-        (keep / f"fault-{seed}-{number}{sample.suffix}").write_bytes(data)  # type: ignore[operator]
+        (keep / f"fault-{seed}-{number}{sample.suffix}").write_bytes(data)
     return campaign
 
 
@@ -94,7 +94,6 @@ class _Child:
         self.usable = True
 
     def ask(self, seed: int, number: int) -> tuple[dict[str, Any], int]:
-        assert self._process.stdin is not None
         try:
             self._process.stdin.write(f"{seed} {number}\n".encode())
             self._process.stdin.flush()
@@ -112,7 +111,6 @@ class _Child:
 
     def _answer(self, seconds: float) -> dict[str, Any]:
         """The next line. Raises TimeoutError, MemoryError, or EOFError when the process has died."""
-        assert self._process.stdout is not None
         until = time.monotonic() + seconds
         while not select.select([self._process.stdout], [], [], _LOOK)[0]:
             if time.monotonic() > until:

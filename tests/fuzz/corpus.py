@@ -167,9 +167,7 @@ def _measured() -> Camera:
     """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
     shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
-    camera = conclude(Observations(lit, measure_dark([dark]), shots=[shot]), color_checker_xyz()).camera
-    assert camera is not None
-    return camera
+    return conclude(Observations(lit, measure_dark([dark]), shots=[shot]), color_checker_xyz()).camera
 
 
 def _read_camera(path: Path) -> bytes:

@@ -55,7 +55,6 @@ def test_what_is_flat_stays_flat() -> None:
 
 def test_half_the_light_gives_half_the_picture() -> None:
     mosaic = shot(CfaPattern.bayer(6), 0.01)
-    assert mosaic.calibration.noise is not None
     noise = NoiseModel(
         tuple(each / 2 for each in mosaic.calibration.noise.shot), tuple(each / 2 for each in mosaic.calibration.noise.read)
     )

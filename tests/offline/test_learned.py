@@ -48,9 +48,7 @@ def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[
 
 def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> Learned:
     """The network for a pattern as a stage."""
-    path = network_for(pattern)
-    assert path is not None
-    return Learned(path, samples, gamma)
+    return Learned(network_for(pattern), samples, gamma)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:

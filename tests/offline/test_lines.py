@@ -62,7 +62,6 @@ def test_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma:
     blocks = extend(coarse, pattern, shape).astype(np.float32)
     expected = reference.colour_lines(signal, light, coarse, pattern, gamma, mosaic.calibration.noise)
     lines = colour_lines(frame, light.astype(np.float32), blocks, BEST.lines)
-    assert lines is not None
     assert_close(np.moveaxis(lines.offset, 0, 2), expected[0], FLOAT32)
     assert_close(np.moveaxis(lines.slope, 0, 2), expected[1], FLOAT32)
     assert_close(lines.share, expected[2], FLOAT32)
@@ -98,13 +97,10 @@ def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None
     whole = colour_lines(frame, light, blocks, BEST.lines)
     monkeypatch.setattr("offline.whole.colour_lines._STRIP", 20)
     strips = colour_lines(frame, light, blocks, BEST.lines)
-    assert whole is not None
-    assert strips is not None
     for each in ("offset", "slope", "share"):
         assert np.array_equal(getattr(strips, each), getattr(whole, each)), each
     monkeypatch.setattr("offline.whole.colour_lines._REACH", _REACH // 5)
     less = colour_lines(frame, light, blocks, BEST.lines)
-    assert less is not None
     assert not np.array_equal(less.offset, whole.offset)
 
 
@@ -113,9 +109,7 @@ def lines_of(scene: DoubleArray, pattern: CfaPattern) -> ColourLines:
     mosaic = observe(scene, pattern)
     frame, light = cleaned(mosaic), luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
     coarse = block_sums(frame, light).solved(1e-6, frame.gamma)
-    found = colour_lines(frame, light, extend(coarse, pattern, mosaic.shape).astype(np.float32), BEST.lines)
-    assert found is not None
-    return found
+    return colour_lines(frame, light, extend(coarse, pattern, mosaic.shape).astype(np.float32), BEST.lines)
 
 
 def test_print_has_the_colours_of_ink_and_paper() -> None:
@@ -208,6 +202,5 @@ def test_what_is_clipped_is_on_no_line() -> None:
     light = luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
     lines = colour_lines(cleaned(mosaic, clipping=5.0), light, blocks, BEST.lines)
-    assert lines is not None
     assert not lines.share[:, 10:].any()
     assert lines.share[:, :8].min() > 0.9

@@ -46,7 +46,6 @@ def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
     mosaic = shot(KODAK, (333, 37), sigma)
     part, measured = pictured(mosaic)
-    assert measured.samples is not None
     whole = pinned(part, measured, measured.samples)
     missed = Missed(measured.samples, measured.gamma)(part, (0, 333))
     pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
@@ -67,7 +66,6 @@ def test_what_is_known_by_tile_lies_in_the_middle_of_each_tile() -> None:
     mosaic = shot(KODAK, (120, 132))
     part, measured = pictured(mosaic)
     samples = measured.samples
-    assert samples is not None
     grid, inside = measured.grid, np.s_[30:-30, 30:-30]
     middle = (grid.period - 1) / 2
     rows, columns = np.indices(mosaic.shape)
@@ -117,7 +115,6 @@ def test_noise_alone_moves_nothing() -> None:
     mosaic = shot(KODAK, (90, 90), None)
     part, measured = pictured(mosaic)
     samples = measured.samples
-    assert samples is not None
     seen = np.stack(
         [
             part.luminance[place] * part.chromaticity[*place, channel]
@@ -134,7 +131,6 @@ def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say more than they did."""
     mosaic = shot(KODAK, (90, 90), None)
     part, measured = pictured(mosaic)
-    assert measured.samples is not None
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
     assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6

@@ -35,7 +35,6 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> No
     measured = Measured(pattern, calibration, before, blocks)
     stage, part = Uncertainty(measured, grain, weights=WEIGHTS), Part(0, after, colour)
     found = stage(part, (0, shape[0])).uncertainty
-    assert found is not None
     known = noise.variance(after).astype(np.float64)
     variances = known, np.maximum(grain.variance(after) - 1.1 * known, 0)
     l1, l0, c, c_j = (each.astype(np.float64) for each in (after, before, colour, blocks))
@@ -47,7 +46,6 @@ def test_to_state_it_changes_no_bit_of_the_picture_and_bands_state_the_same() ->
     mosaic = shot(CfaPattern.bayer(4, origin=(1, 2)), (330, 61))
     plain, stating = render(mosaic), render(mosaic, uncertainty=True)
     assert plain.uncertainty is None
-    assert stating.uncertainty is not None
     assert np.array_equal(plain.rgb, stating.rgb)
     bands = list(colour_bands(measure(mosaic), stages=with_uncertainty(mosaic, row_stages)))
     assert len(bands) > 1
@@ -57,12 +55,9 @@ def test_to_state_it_changes_no_bit_of_the_picture_and_bands_state_the_same() ->
 def test_half_the_light_is_off_by_half_as_much() -> None:
     mosaic = shot(CfaPattern.bayer(6), (60, 66))
     noise = mosaic.calibration.noise
-    assert noise is not None
     calibration = replace(mosaic.calibration, noise=NoiseModel(noise.shot, tuple(each / 2 for each in noise.read)))
     one = render(mosaic, uncertainty=True).uncertainty
     half = render(Mosaic((mosaic.signal / 2).astype(np.float32), mosaic.pattern, calibration), uncertainty=True).uncertainty
-    assert one is not None
-    assert half is not None
     np.testing.assert_allclose(2 * half, one, rtol=2e-2)
 
 
@@ -72,7 +67,6 @@ def test_a_grey_wall_without_noise_is_exact_and_noise_makes_it_uncertain() -> No
     for sigma in (0.0, 0.01, 0.03):
         mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), sigma, np.random.default_rng(0))
         found = render(mosaic, uncertainty=True).uncertainty
-        assert found is not None
         stated.append(np.median(found, axis=(0, 1)))
     assert stated[0].max() < 1e-4
     assert (stated[1] > 10 * stated[0]).all()
@@ -88,8 +82,6 @@ def test_light_that_is_lost_may_be_off_by_all_of_it() -> None:
         Mosaic(mosaic.signal.clip(0, calibration.full_scale), mosaic.pattern, calibration).codes, mosaic.pattern, calibration
     )
     found = render(clipped, uncertainty=True)
-    assert found.lost is not None
-    assert found.uncertainty is not None
     lost = found.lost == 255
     assert lost.any()
     assert (found.uncertainty[lost] >= found.luminance[lost, None]).all()
@@ -105,8 +97,6 @@ def test_light_that_falls_off_is_made_even_with_its_uncertainty() -> None:
     gain = shading.of_plane(shape)
     plain = Uncertainty(measured, None)(Part(0, measured.luminance, colour), (0, 60)).uncertainty
     even = Uncertainty(shaded, None)(Part(0, measured.luminance * gain, colour), (0, 60)).uncertainty
-    assert plain is not None
-    assert even is not None
     np.testing.assert_allclose(even, gain[..., None] * plain, rtol=1e-3)
 
 
@@ -122,6 +112,5 @@ def test_merged_frames_are_less_uncertain() -> None:
     merged = merge_burst(frames, reference=0, motions=[Motion((0.0, 0.0))] * 4)
     found = np.concatenate(list(render_burst_bands(merged, BEST, uncertain=frames[0])))
     alone = render(frames[0], uncertainty=True).uncertainty
-    assert alone is not None
     assert found.shape == (96, 96, 7)
     assert (np.median(found[..., 3:] / alone, axis=(0, 1)) < (0.7, 0.9, 0.9, 0.9)).all()

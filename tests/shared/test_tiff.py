@@ -120,7 +120,6 @@ def test_strips_and_children_are_where_the_tags_say() -> None:
     with read(Directory(dict(image), strips=strips, children={_SUB: inner, _EXIF: exif})) as file:
         page = file.pages.first
         assert np.array_equal(page.asarray(), picture)
-        assert page.pages is not None
         assert np.array_equal(page.pages[0].asarray(), picture)
         assert page.tags[_SUB].dtype == FieldType.LONG  # not IFD: older readers know no type 13
         assert page.tags[_EXIF].value["ExifVersion"] == "0230"

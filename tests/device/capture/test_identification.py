@@ -6,7 +6,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from device.capture import Identity, identify
+from device.capture import identify
 from device.capture.identification import DENSE, UNKNOWN
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
@@ -45,12 +45,6 @@ def same_sites(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     return len(first) == len(second) and "".join(exchanged[each] for each in first) == second and exchanged.get("W", "W") == "W"
 
 
-def found(codes: CodeArray) -> Identity:
-    identity = identify(codes)
-    assert identity is not None
-    return identity
-
-
 @cache
 def picture(name: str) -> FloatArray:
     return np.asarray(imagecodecs.png_decode(photograph(name).read_bytes()) / 65535, np.float32)
@@ -60,10 +54,9 @@ def picture(name: str) -> FloatArray:
 def test_every_tile_with_a_name_is_found_wherever_it_begins(name: str) -> None:
     period = CfaPattern.of_letters(name).period
     for origin in ((row, (3 * row + 1) % period) for row in range(period)):
-        identity = found(taken(SCENE, tile_of(name, origin)))
+        identity = identify(taken(SCENE, tile_of(name, origin)))
         assert identity.name == name, origin
         assert same_sites(identity.tile, tile_of(name, origin)), origin
-        assert identity.pattern is not None
         assert identity.pattern.letters_from() == identity.tile
         assert identity.light.shape == (period, period)
 
@@ -73,7 +66,7 @@ def test_the_papers_block_is_found_at_every_period(name: str) -> None:
     period = int(name[2:])
     for order, origin in (("RGGB", (1, period - 1)), ("GRBG", (period - 2, 0))):
         tile = CfaPattern.bayer(period, order, origin).letters_from()
-        identity = found(taken(LARGE, tile))
+        identity = identify(taken(LARGE, tile))
         assert identity.name == name
         assert same_sites(identity.tile, tile)
 
@@ -81,7 +74,7 @@ def test_the_papers_block_is_found_at_every_period(name: str) -> None:
 @pytest.mark.parametrize("name", DENSE)
 def test_tiles_without_panchromatic_pixels_are_named_and_have_no_pattern(name: str) -> None:
     for origin in ((0, 0), (0, 1), (1, 0), (3, 2)):
-        identity = found(taken(SCENE, tile_of(DENSE[name], origin)))
+        identity = identify(taken(SCENE, tile_of(DENSE[name], origin)))
         assert (identity.name, identity.pattern) == (name, None)
         assert same_sites(identity.tile, tile_of(DENSE[name], origin))
 
@@ -90,7 +83,7 @@ def test_tiles_without_panchromatic_pixels_are_named_and_have_no_pattern(name: s
     ("letters", "channels"), [(SPARSE, "RGB"), ("CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"), ("RWWG/WWWW/WBWW/WWWW", "RGB")]
 )
 def test_a_tile_without_a_name_shows_which_sites_are_alike(letters: str, channels: str) -> None:
-    identity = found(taken(LARGE, tile_of(letters, (2, 3)), channels=channels))
+    identity = identify(taken(LARGE, tile_of(letters, (2, 3)), channels=channels))
     assert (identity.name, identity.pattern) == ("", None)
     assert same_sites(identity.tile, tile_of(letters, (2, 3)))
 
@@ -99,7 +92,7 @@ def test_a_tile_without_a_name_shows_which_sites_are_alike(letters: str, channel
 def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letters: str) -> None:
     infrared = np.concatenate([LARGE, LARGE.mean(axis=2, keepdims=True)], axis=2)
     tile = tile_of(letters, (1, 2))
-    identity = found(taken(infrared, tile, channels="RGBE"))
+    identity = identify(taken(infrared, tile, channels="RGBE"))
     assert identity.tile == tuple(UNKNOWN * identity.period for _ in range(identity.period))
 
 
@@ -108,7 +101,7 @@ def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letter
 def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str) -> None:
     """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
     red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
-    identity = found(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
+    identity = identify(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
     assert (identity.name, identity.separation, identity.pattern) == ("", 0.0, None)
     assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
 
@@ -118,7 +111,7 @@ def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) ->
     """What they do not show is left open: colours of the largest tiles."""
     for known in [*TILES.values(), "K=3", "K=8", "K=16", *DENSE.values()]:
         tile = tile_of(known, (3, 1))
-        identity = found(taken(picture(name), tile, sigma))
+        identity = identify(taken(picture(name), tile, sigma))
         open_colours = tuple(row.translate(str.maketrans("RGB", UNKNOWN * 3)) for row in tile)
         assert same_sites(identity.tile, tile) or identity.tile == open_colours
         assert len(tile) > 6 or UNKNOWN not in "".join(identity.tile)
@@ -128,18 +121,18 @@ def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) ->
 def test_frames_of_any_size_begin_anywhere_in_the_tile(size: tuple[int, int]) -> None:
     frame = taken(SCENE, tile_of("Sony"))[-size[0] :, -size[1] :]
     origin = tuple(now - before for now, before in zip(size, SCENE.shape[:2], strict=True))
-    assert same_sites(found(frame).tile, tile_of("Sony", (origin[0], origin[1])))
+    assert same_sites(identify(frame).tile, tile_of("Sony", (origin[0], origin[1])))
 
 
 def test_black_level_and_gain_do_not_matter() -> None:
     frame = taken(SCENE, tile_of("Kodak", (1, 2)))
-    assert found(frame * 8 + 3000).tile == found(frame).tile == found(frame // 8).tile
+    assert identify(frame * 8 + 3000).tile == identify(frame).tile == identify(frame // 8).tile
 
 
 def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:
     grey = SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2)
-    assert found(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
-    identity = found(taken(grey, tile_of("paper", (1, 4))))
+    assert identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
+    identity = identify(taken(grey, tile_of("paper", (1, 4))))
     assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
     assert identity.pattern is None
 
@@ -147,7 +140,7 @@ def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None
 def test_a_simulated_sensor_is_recognised_up_to_the_exchange_of_colours() -> None:
     pattern = CfaPattern.of_letters("honda", (3, 2))
     shot = simulate_additive(SCENE, pattern, SensorCalibration.of_bits(12), 0.01, np.random.default_rng(0))
-    identity = found(shot.codes)
+    identity = identify(shot.codes)
     exchanged = tuple(row.translate(str.maketrans("RB", "BR")) for row in pattern.letters_from())
     assert identity.tile in (pattern.letters_from(), exchanged)
 

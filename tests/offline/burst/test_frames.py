@@ -65,7 +65,6 @@ def test_a_variance_is_never_0_beside_others(odd: NoiseModel) -> None:
 
 def test_rounding_is_noise_where_there_is_any() -> None:
     (found,) = noise_models([frame(1, 0.0, model(1e-4, 0.0))], BEST.noise)
-    assert found is not None
     assert found.read == pytest.approx(tuple(CAMERA.scale() / 12**0.5))
     none = model(0, 0)
     assert noise_models([frame(1, 0.0, none)] * 2, BEST.noise) == [none, none]

@@ -49,7 +49,6 @@ def test_libraw_reads_the_very_codes(shape: tuple[int, int]) -> None:
 def test_tifffile_reads_the_very_codes(copies: int) -> None:
     rgb = np.tile(patches(), (copies, 1, 1))[:, :-5]
     with TiffFile(BytesIO(picture_dng(rgb))) as file:
-        assert file.pages.first.pages is not None
         page = file.pages.first.pages[0]
         assert isinstance(page, TiffPage)
         codes, tile = page.asarray(), page.tilewidth

@@ -10,7 +10,6 @@ from shared import SensorCalibration
 from tests.benchmarks.coverage import SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
-from tools.calibration.measure import Conclusion
 
 SIMPLE = SimulatedCamera(
     pattern=PATTERNS["K = 6"],
@@ -21,12 +20,6 @@ SIMPLE = SimulatedCamera(
     read=np.full(4, 3.0),
     falls=np.zeros((4, 4)),
 )
-
-
-def concluded(frames: Frames, kind: str) -> Conclusion:
-    outcome = calibrated(frames, kind)
-    assert outcome is not None
-    return outcome
 
 
 def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None) -> Frames:
@@ -53,9 +46,8 @@ def test_intervals_hold_whatever_was_not_measured() -> None:
 def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
-        outcome = concluded(frames_of(off, number=number), "charts" if number > 1 else "chart")
+        outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
         gamma = outcome.evidence.gamma
-        assert gamma is not None
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
@@ -66,7 +58,7 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
 
 
 def test_dark_frames_of_another_exposure_are_contradicted_and_nothing_is_written() -> None:
-    outcome = concluded(frames_of(SIMPLE, darks=replace(SIMPLE, black=np.full(4, 270.0))), "chart+dark")
+    outcome = calibrated(frames_of(SIMPLE, darks=replace(SIMPLE, black=np.full(4, 270.0))), "chart+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     assert re.search("contradict the black level that the dark frames show.*take dark frames anew", outcome.refusal)
 
@@ -74,14 +66,13 @@ def test_dark_frames_of_another_exposure_are_contradicted_and_nothing_is_written
 def test_shots_of_two_cameras_are_contradicted() -> None:
     one, other = frames_of(SIMPLE), frames_of(replace(SIMPLE, gamma=np.array([0.8, 1.2, 0.9])))
     one.mosaics["chart1"], one.places["chart1"] = other.mosaics["chart0"], other.places["chart0"]
-    outcome = concluded(one, "charts+dark")
+    outcome = calibrated(one, "charts+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     assert re.search(r"the shots contradict each other in gamma.*standard deviations: chart0 0\.89", outcome.refusal)
 
 
 def test_blue_light_is_called_blue() -> None:
-    outcome = concluded(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    assert outcome.camera is not None
+    outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
     (shot,) = outcome.evidence.seen.shots
     assert shot.calibration.black_level == outcome.camera.calibration.black_level  # that of the dark frames
     said = " ".join(outcome.warnings)

@@ -27,7 +27,6 @@ def test_the_papers_protocol_adds_noise_and_nothing_else() -> None:
     assert (shot.shot, shot.read) == (0.0, 0.03)
     sparse = pair(PaperProtocol(0.03)).sparse
     assert sparse.samples.dtype == np.float32
-    assert sparse.calibration.noise is not None
     assert sparse.calibration.noise.sigma(0.5) == pytest.approx(0.03)
 
 

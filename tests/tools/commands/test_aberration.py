@@ -53,7 +53,6 @@ def test_a_lens_that_is_too_strong_for_a_small_frame_is_refused(tmp_path: Path) 
 
 def test_edges_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
-    assert camera.calibration.aberration is not None
     np.testing.assert_allclose(camera.calibration.aberration.corner(SHAPE), [LENS[0], 0, LENS[1]], atol=0.3)
     facts = camera.measured["aberration"]
     assert (facts["shots"], facts["focal_length"]) == (2, 35)

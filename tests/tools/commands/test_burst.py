@@ -306,4 +306,4 @@ def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path) -> 
     for words in ("3 of 4 frames are in the picture", f"{odd}: it has 70 x 60 pixels", "Where frames were merged", "Motion"):
         assert words in page
     assert page.count("<img ") == 2 + 2 * page.count('class="twins"') + 1
-    assert not math.isnan(float(re.search(r"picture: ([\d.]+) times", page)[1]))  # type: ignore[index]
+    assert not math.isnan(float(re.search(r"picture: ([\d.]+) times", page)[1]))

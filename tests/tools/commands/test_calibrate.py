@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic, NoiseModel, read_camera, read_dng
+from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
 from shared.errors import InputError
 from shared.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
@@ -19,11 +19,6 @@ from tools.calibration.reference import read_reference, ti3
 from tools.commands.calibrate import color_checker_xyz
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
-
-
-def noise_of(camera: Camera) -> NoiseModel:
-    assert camera.calibration.noise is not None
-    return camera.calibration.noise
 
 
 STEPS: dict[str, list[str]] = {
@@ -61,7 +56,7 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     camera = read_camera(output)
     np.testing.assert_allclose(camera.calibration.gamma, TRUTH.gamma, rtol=0.01)
     np.testing.assert_allclose(camera.calibration.black_level, TRUTH.black_level, atol=0.1)
-    np.testing.assert_allclose(noise_of(camera).shot, NOISE.shot, rtol=0.06)
+    np.testing.assert_allclose(camera.calibration.noise.shot, NOISE.shot, rtol=0.06)
     assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour", "shading"}
     assert camera.calibration.shading is None  # the flat frames are even
     assert camera.pattern == read_dng(folder / "chart.dng").pattern
@@ -204,7 +199,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     assert outcome.records[-1]["verdict"] == "use it"
     camera = read_camera(output)
     np.testing.assert_allclose(camera.calibration.gamma, (1, 1, 1), rtol=0.01)
-    found, typical = noise_of(camera), typical_noise(camera.calibration)
+    found, typical = camera.calibration.noise, typical_noise(camera.calibration)
     np.testing.assert_allclose((found.shot, found.read), (typical.shot, typical.read), rtol=0.05)
 
 

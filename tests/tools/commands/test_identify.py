@@ -10,20 +10,21 @@ import numpy as np
 import pytest
 import tifffile
 
+from device.capture import identify
 from shared import CfaPattern, SensorCalibration
 from shared import write_dng as write_shot
 from shared.arrays import CodeArray
 from shared.pattern_text import read_pattern
 from shared.sensor import simulate_additive
 from tests.data import ROOT, photograph
-from tests.device.capture.test_identification import SCENE, found, taken, tile_of
+from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.shared.dng.examples import preview
 from tests.tools.command import PROGRAM, run
 from tests.tools.scenes.test_camera_raw import LINEAR_RAW, write_dng
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))
-LETTERS = found(SONY).tile
+LETTERS = identify(SONY).tile
 
 
 def padded(frame: CodeArray, padding: int) -> bytes:

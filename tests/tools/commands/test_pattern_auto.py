@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from device.capture import frame_folder
+from device.capture import frame_folder, identify
 from shared import Camera, CfaPattern, SensorCalibration, read_dng
 from shared.arrays import CodeArray
-from tests.device.capture.test_identification import SCENE, found, taken, tile_of
+from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.tools.command import run, start
 from tests.tools.commands.test_capture import piped, shots
 
@@ -38,7 +38,7 @@ def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: P
     assert done.code == 0, done.err
     recorded = [read_dng(path) for path in shots(out)]
     assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
-    assert {shot.pattern.letters_from() for shot in recorded} == {found(KODAK).tile}
+    assert {shot.pattern.letters_from() for shot in recorded} == {identify(KODAK).tile}
     assert "the first frames show the tile Kodak" in done.err
     assert "as red and blue, may be exchanged" in done.err
 

@@ -41,7 +41,6 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
     whitened = Development.whitened
 
     def recorded(self: Development, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
-        assert lost is not None
         shown.append(lost)
         return whitened(self, rgb, lost)
 
@@ -49,7 +48,6 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
     assert run("render", tmp_path / "lamps.dng", "-o", out).code == 0
     assert len(shown) > 1
     expected = render(read_dng(tmp_path / "lamps.dng"), PRESETS["best"]).lost
-    assert expected is not None
     assert expected.any()
     assert np.array_equal(np.concatenate(shown), expected)
 
@@ -150,7 +148,7 @@ def test_a_measurement_states_how_far_it_may_be_off(out: Path, shot: Path) -> No
         picture, stated = (page.asarray() for page in file.pages)
     found = render(read_dng(shot), uncertainty=True)
     assert np.array_equal(picture, found.rgb)
-    assert np.array_equal(stated, found.uncertainty)  # type: ignore[arg-type]
+    assert np.array_equal(stated, found.uncertainty)
     refused = run("render", shot, "-o", out, "--uncertainty", "-f", "png")
     assert refused.code == 2
     assert "scene units" in refused.err

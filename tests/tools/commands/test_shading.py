@@ -41,7 +41,6 @@ def path(folder: Path, tmp_path: Path) -> Path:
 
 def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
-    assert camera.calibration.shading is not None
     np.testing.assert_allclose(camera.calibration.shading.of_plane(SHAPE, 0), LENS.of_plane(SHAPE, 0), rtol=0.02)
     facts = camera.measured["shading"]
     assert (facts["frames"], facts["focal_length"]) == (4, 35)

@@ -82,7 +82,6 @@ def test_the_layout_is_what_raw_developers_see(out: Path) -> None:
     for layout, photometric in (("auto", 32803), ("cfa", 32803), ("linear", 34892)):
         simulate(out, "--layout", layout)
         with tifffile.TiffFile(out / SHOT) as file:
-            assert file.pages.first.pages is not None
             assert file.pages.first.pages[0].photometric == photometric  # type: ignore[union-attr]
 
 
@@ -124,7 +123,6 @@ def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tup
     np.testing.assert_allclose(found, plain * light * exposure, rtol=1e-6)
     if not more:
         shot = panchroma.simulate("builtin:96x72", light=light)
-        assert shot.truth is not None
         np.testing.assert_array_equal(shot.truth.rgb, found)
         assert shot.truth.white == light
 

@@ -63,7 +63,6 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert [group.best(level) for level in (CLEAN, NOISY)] == ["bilinear", "paper"]
     for level, rival, lead in ((CLEAN, "bilinear", -DOUBLE), (NOISY, "dlmmse", DOUBLE)):
         for each in (group.margin(level), *group.margins(level)):
-            assert each is not None
             assert each.rival == rival
             assert each.lead == pytest.approx(lead, abs=0.01)
     lost = [each for each in group.comparisons if each.lost and each.criterion == RGB]
@@ -148,7 +147,6 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
     share = HUE.of(group.figure(CLEAN, "paper"))
     assert share == pytest.approx(100 * 4 * 4 / 30**2, abs=0.5)  # % of the pixels inside the border
     hue = group.margin(CLEAN, HUE)
-    assert hue is not None
     assert hue.lead == pytest.approx(-share, abs=2)
     assert HUE.difference(hue.lead).startswith("+")  # more wrong hues than the rival
 

@@ -41,7 +41,6 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
             assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
     pooled = figures.sets[0].figure(NOISY, "paper")
-    assert pooled is not None
     for plane, name in enumerate(("rgb", "luminance", "chrominance")):
         expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
         assert [pooled.values[f"{name}_q{round(100 * each)}"] for each in QUANTILES] == pytest.approx(expected, abs=0.01)

@@ -246,7 +246,6 @@ def test_a_watcher_that_does_not_read_holds_up_nobody() -> None:
     for number in range(5):
         show(running.finder, number, noise)
         view = running.finder.after(number)
-        assert view is not None
         assert next(awake) == view.jpeg
     assert running.facts("/status")[1]["frames"] == 5
     sleeper.close()

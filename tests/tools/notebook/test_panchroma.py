@@ -80,7 +80,6 @@ def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
     made, (file,) = panchroma.simulate(SCENE, pattern=tile), tmp_path.glob("*.dng")
     assert np.array_equal(read_dng(file).codes, made.mosaic.codes)
     assert read_dng(file).calibration == made.calibration
-    assert made.truth is not None
     assert made.truth.channels == "CMY"
 
 
@@ -90,7 +89,6 @@ def test_arrays_are_scenes_as_files_are(tmp_path: Path) -> None:
     of_file, of_array = panchroma.simulate(tmp_path / "scene.png"), panchroma.simulate(pixels)
     difference = of_file.mosaic.codes.astype(int) - of_array.mosaic.codes
     assert np.abs(difference).max() <= 1  # the file's profile samples the curve of sRGB
-    assert of_array.truth is not None
     assert of_array.truth.rgb == pytest.approx(decode_srgb(pixels / np.float32(255)), abs=1e-6)
     again = panchroma.simulate(of_array.truth)
     assert np.array_equal(again.mosaic.codes, of_array.mosaic.codes)
@@ -121,7 +119,6 @@ def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> 
 
 def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
     truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
-    assert truth is not None
     noisy = truth.rgb + RNG.normal(0, 0.01, truth.rgb.shape).astype(np.float32)
     found = panchroma.evaluate(noisy, truth)
     assert found == panchroma.evaluate(noisy, truth.rgb) == panchroma.evaluate(replace(truth, rgb=noisy), truth)
@@ -134,16 +131,13 @@ def test_figures_fall_with_the_light() -> None:
     ours = []
     for light in (1.0, 1 / 4, 1 / 16):
         shot = panchroma.simulate("builtin:180x120", light=light)
-        assert shot.truth is not None
         picture = panchroma.render(shot, preset="paper")
         found = panchroma.evaluate(picture, shot)
         assert found == panchroma.evaluate(picture.rgb, shot.truth) == panchroma.evaluate(picture, shot.truth.rgb)
         assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
         ours.append((found.median, found.ssim, found.psnr))
     assert ours[0] > ours[1] > ours[2]
-    assert shot.truth is not None
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
-    assert again.truth is not None
     assert again.truth.white == light
     for white in (0, -1, np.inf, np.nan):
         with pytest.raises(panchroma.PanchromaError, match="`white` is"):
@@ -251,7 +245,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.preview("shot.dng", scale=True), "`scale` is True, expected a whole number"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
-        (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
+        (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
         (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "`overwrite` is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
@@ -296,11 +290,10 @@ def test_the_uncertainty_of_a_picture_shows_itself_and_guesses_are_where_hues_ar
     shot = panchroma.simulate("builtin:240x180", sigma=0.01)
     picture = panchroma.render(shot, uncertainty=True)
     assert panchroma.render(shot).uncertainty is None
-    assert picture.uncertainty is not None
     assert np.asarray(picture.uncertainty).shape == (180, 240, 4)
     assert picture.uncertainty._repr_png_().startswith(b"\x89PNG")
     assert np.array_equal(picture.rgb, panchroma.render(shot).rgb)
     tint = picture.uncertainty.image.pixels.astype(int)
     guessed, measured = tint[..., 0] > tint[..., 2], tint[..., 0] == tint[..., 2]
-    wrong = wrong_hue(picture.rgb, shot.truth.rgb)  # type: ignore[union-attr]
+    wrong = wrong_hue(picture.rgb, shot.truth.rgb)
     assert wrong[guessed].mean() > 4 * wrong[measured].mean()

@@ -69,7 +69,6 @@ def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
         case "dng":
             with tifffile.TiffFile(file) as tiff:
                 assert tiff.pages.first.tags["Orientation"].value == 6
-                assert tiff.pages.first.pages is not None
                 return np.asarray(tiff.pages.first.pages[0].asarray())
     return np.asarray(np.load(file, allow_pickle=False))
 
@@ -151,7 +150,6 @@ def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated(
     data = encoded(rgb, PictureKind.of("dng"), 1, calibration=calibration, restored=False)
     with tifffile.TiffFile(data) as tiff:
         main = tiff.pages.first
-        assert main.pages is not None
         shown, codes = main.asarray(), main.pages[0].asarray()
     assert shown[:48].min() >= 250
     assert (codes[:60] == 65535).all()

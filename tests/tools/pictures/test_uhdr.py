@@ -67,7 +67,6 @@ def test_the_directory_names_where_the_map_begins_and_how_long_it_is() -> None:
     image = Image.open(io.BytesIO(data))
     assert isinstance(image, JpegImageFile)
     entries = image._getmp()
-    assert entries is not None
     _, second = entries[0xB002]
     start = directory + second["DataOffset"]
     assert data[start : start + 3] == b"\xff\xd8\xff"

@@ -89,7 +89,6 @@ def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
         assert len({picture.pixels.shape for picture in each.pictures}) == 1
         assert each.pictures[0].psnr is None
         for picture in each.pictures[1:]:
-            assert picture.psnr is not None
             assert 10 < picture.psnr < 80
 
 

@@ -46,7 +46,6 @@ def test_no_two_methods_look_alike(tmp_path: Path) -> None:
     assert len(looks) == len(methods())
     dots = re.findall(r"Bayer, bilinear, 0.03: (.*?) dB \(25 % (.*?), 75 % (.*?)\)", noise_plots(group))
     figure = group.figure(study.levels[1], "bilinear")
-    assert figure is not None
     for plane, found in zip(PLANES, dots, strict=True):
         assert found == tuple(f"{figure.values[f'{plane}_q{each}']:.1f}" for each in (50, 25, 75))
 
