@@ -308,30 +308,26 @@ def _colours(letters: Letters) -> list[str]:
 def _bright(light: DoubleArray) -> BoolArray:
     """The sites above the widest gap between the levels of sites."""
     levels = np.sort(light, axis=None)
-    brightest: BoolArray = light > levels[np.diff(levels).argmax()]
-    return brightest
+    return light > levels[np.diff(levels).argmax()]
 
 
 def _differences(quarters: DoubleArray) -> DoubleArray:
     """Energy of the difference of any two sites, (K K, K K)."""
     products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (2 * len(quarters))
     own = np.diag(products)
-    energy: DoubleArray = own[:, None] + own - products - products.T
-    return energy
+    return own[:, None] + own - products - products.T
 
 
 def _common(quarters: DoubleArray) -> DoubleArray:
     """Energy that each part has in common with the mean of all others, (parts,)."""
     means = quarters.mean(axis=1)
     others = (means.sum(axis=0) - means) / (len(means) - 1)
-    energy: DoubleArray = (means * others).mean(axis=1)
-    return energy
+    return (means * others).mean(axis=1)
 
 
 def _energy(quarters: DoubleArray) -> DoubleArray:
     """Energy of each part without that of noise, (parts,): products of opposite quarters."""
-    energy: DoubleArray = (quarters[:, 0] * quarters[:, 3] + quarters[:, 1] * quarters[:, 2]).mean(axis=1) / 2
-    return energy
+    return (quarters[:, 0] * quarters[:, 3] + quarters[:, 1] * quarters[:, 2]).mean(axis=1) / 2
 
 
 def _errors(energies: DoubleArray) -> float:

@@ -259,5 +259,4 @@ def _masks(pattern: CfaPattern, side: int) -> FloatArray:
     clear = pattern.filter_map((pattern.period, pattern.period), (first[0], first[1])) == len(pattern.channels)
     number = np.arange(pattern.period) // side
     index = number[:, None] * (pattern.period // side) + number
-    masks: FloatArray = (clear & (index == np.arange((pattern.period // side) ** 2)[:, None, None])).astype(np.float32)
-    return masks
+    return (clear & (index == np.arange((pattern.period // side) ** 2)[:, None, None])).astype(np.float32)

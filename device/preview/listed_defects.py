@@ -127,16 +127,14 @@ class _Frame:
             known = weight > 0
             share[left[known]] = (like * light / beside).sum(axis=1)[known] / weight[known]
             left = left[~known]
-        predicted: DoubleArray = share * here
-        return predicted
+        return share * here
 
     def _same(self, row: int, column: int, channel: int, reach: int) -> IndexArray:
         """Steps (n, 2) from a site to all others of its channel within `reach` pixels."""
         steps = np.array([step for step in product(range(-reach, reach + 1), repeat=2) if step != (0, 0)], np.intp)
         period = self.pattern.period
         planes = self.pattern.filter_map((period, period))[(row + steps[:, 0]) % period, (column + steps[:, 1]) % period]
-        found: IndexArray = steps[planes == channel]
-        return found
+        return steps[planes == channel]
 
     def _around(self, rows: IndexArray, columns: IndexArray, steps: IndexArray) -> tuple[DoubleArray, BoolArray]:
         """`read` of panchromatic samples at `steps` (n, 2) from each place: (places, n)."""

@@ -245,8 +245,7 @@ class Inputs:
 
     def doubt(self, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
         """How far the colour lines are not believed in these rows and columns of cells, 0 to 1, (rows, columns)."""
-        doubt: FloatArray = self._blocks.blocks_of(self._doubt, rows, columns, 1.0)[0]
-        return doubt
+        return self._blocks.blocks_of(self._doubt, rows, columns, 1.0)[0]
 
     def places(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[IndexArray, IndexArray]:
         """See `Cells.places`."""

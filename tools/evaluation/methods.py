@@ -10,12 +10,6 @@ from .method import Method
 from .rivals import bilinear, colour_demosaicing, demosaicnet, denoising, dlmmse, libraw, network, opencv, plane_denoising, planes
 
 _RIVALS = (planes, plane_denoising, bilinear, colour_demosaicing, dlmmse, libraw, opencv, demosaicnet, denoising)
-BASELINES = {
-    "planes": "interpolated planes",
-    "planes+w": "these sharpened by W",
-    "bm3d+planes": "interpolated planes after BM3D",
-}
-"""Methods that anyone can use with the shot of any pattern, and what they are."""
 
 
 class _Methods(dict[str, Method]):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-from onnx import NodeProto, TensorProto, helper, numpy_helper
+from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 
 from offline.rows.learned import REACH
 from shared.arrays import FloatArray
@@ -48,9 +48,13 @@ def save_graph(weights: Mapping[str, FloatArray], path: Path, facts: Mapping[str
     nodes += [_node("Relu", [f"found{blocks}"], "lit"), _convolution("leave", "lit", "correction")]
     given = helper.make_tensor_value_info("features", TensorProto.FLOAT, [1, inputs, "rows", "columns"])
     found = helper.make_tensor_value_info("correction", TensorProto.FLOAT, [1, outputs, "inner_rows", "inner_columns"])
-    graph = helper.make_graph(nodes, path.stem, [given], [found], stored)
+    write_graph(helper.make_graph(nodes, path.stem, [given], [found], stored), path, {**facts, REACH: str(blocks + 1)})
+
+
+def write_graph(graph: GraphProto, path: Path, facts: Mapping[str, str]) -> None:
+    """Write a graph to an ONNX file that onnxruntime reads; `facts` become metadata. Raises what the check of ONNX raises."""
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
-    helper.set_model_props(model, {**facts, REACH: str(blocks + 1)})
+    helper.set_model_props(model, {**facts})
     onnx.checker.check_model(model, full_check=True)
     rough = path.with_suffix(".part")
     rough.write_bytes(model.SerializeToString(deterministic=True))

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
@@ -30,6 +29,7 @@ from tools.host.console import Console
 from ..scenes.load import load_scene
 from .drawings import drawing
 from .examples import DRAWN, varied
+from .graph import write_graph
 
 _HIDDEN = 128, 64
 _BLOCKS, _BATCH = 3000, 2048  # taken of a picture; and learned from at a time
@@ -38,7 +38,6 @@ _PERIODS, _CLEAN, _SIGMAS = (4, 6, 6, 8), 0.4, (0.003, 0.04)  # drawn: K, the sh
 _FAINT = 0.1  # scene units: below this light contrast counts less
 _ENERGY = 2.0  # weight of the energy of errors beside their size
 _KEPT_BACK, _REPORT = 20, 1000  # one picture in so many is kept back; steps between two reports
-_OPSET, _IR = 17, 8
 
 Example = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -125,10 +124,7 @@ def save(network: nn.Sequential, path: Path) -> None:
     stored = [numpy_helper.from_array(weight, name) for name, weight in zip(names, weights, strict=True)]
     sizes = (("seen", SIDE**2 + 1), ("off", 4))
     first, last = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["blocks", size]) for name, size in sizes)
-    graph = helper.make_graph(nodes, path.stem, [first], [last], stored)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
-    onnx.checker.check_model(model, full_check=True)
-    path.write_bytes(model.SerializeToString(deterministic=True))
+    write_graph(helper.make_graph(nodes, path.stem, [first], [last], stored), path, {})
 
 
 def main() -> int:

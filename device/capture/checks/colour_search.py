@@ -73,8 +73,7 @@ def _energy(samples: DoubleArray, kinds: ByteArray) -> DoubleArray:
     shares /= shares.sum(axis=1, keepdims=True)
     apart = samples - samples @ shares.T
     energy = np.square(apart.mean(axis=1)) - apart.var(axis=1, ddof=1) / samples.shape[1]
-    variance: DoubleArray = energy.sum(axis=1) / (len(shares) - np.trace(shares))
-    return variance
+    return energy.sum(axis=1) / (len(shares) - np.trace(shares))
 
 
 def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:

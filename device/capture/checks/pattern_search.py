@@ -86,8 +86,7 @@ class Tiles:
             chosen.append(of_place.transpose(1, 0, 2) / of_place.sum(axis=2).T[..., None])
         down, across = chosen
         means = down @ self.parts @ across.transpose(0, 2, 1)
-        folded: DoubleArray = means - means.mean(axis=(1, 2), keepdims=True)
-        return folded
+        return means - means.mean(axis=(1, 2), keepdims=True)
 
 
 def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
@@ -174,10 +173,9 @@ def _bayer(tiles: Tiles) -> tuple[float, float]:
 
 
 def _centred(means: DoubleArray) -> DoubleArray:
-    centred: DoubleArray = (
+    return (
         means - means.mean(axis=-1, keepdims=True) - means.mean(axis=-2, keepdims=True) + means.mean(axis=(-1, -2), keepdims=True)
     )
-    return centred
 
 
 def _local_mean(parts: FloatArray, window: int) -> FloatArray:
@@ -187,5 +185,4 @@ def _local_mean(parts: FloatArray, window: int) -> FloatArray:
     sums = wide.cumsum(axis=1, dtype=np.float64).cumsum(axis=2)
     size = before + after + 1
     box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
-    mean: FloatArray = (box / size**2).astype(np.float32)
-    return mean
+    return (box / size**2).astype(np.float32)

@@ -60,5 +60,4 @@ def _repeats(samples: NDArray[np.unsignedinteger], around: int) -> list[tuple[in
 
 def _running_mean(values: DoubleArray, size: int) -> DoubleArray:
     sums = np.cumsum(np.pad(values, (size // 2 + 1, size // 2), "reflect"))
-    mean: DoubleArray = (sums[size:] - sums[:-size]) / size
-    return mean
+    return (sums[size:] - sums[:-size]) / size

@@ -147,9 +147,6 @@ def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_p
 )
 def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: int, burst: tuple[str, ...], said: str) -> None:
     process = start("capture", "-", "-o", out, *LAYOUT, *burst, stdin=subprocess.PIPE)
-    assert process.stdin
-    assert process.stdout
-    assert process.stderr
     process.stdin.buffer.write(frame(0))  # type: ignore[attr-defined]
     process.stdin.flush()
     assert "no --camera" in process.stderr.readline()

@@ -76,7 +76,6 @@ def test_what_does_not_tell_a_tile_is_refused(
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_signal_ends_it_while_it_waits_for_the_first_frame(out: Path, number: signal.Signals, code: int) -> None:
     with start("capture", "-", "-o", out / "shots", *LAYOUT, stdin=subprocess.PIPE) as process:
-        assert process.stdin
         process.stdin.write("a part of a frame")
         process.stdin.flush()
         while fcntl.ioctl(process.stdin, termios.FIONREAD, b"    ") != bytes(4):  # until the pipe has been read from

@@ -290,6 +290,3 @@ def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path)
     assert outcome.code == 1
     assert 'the layout "cfa" cannot hold this pattern' in outcome.errors[0]
     assert names(out) == set()
-
-
-# --- a disk that takes no more --------------------------------------------------------------------------------------------------

@@ -36,7 +36,6 @@ class Command:
 
     def __init__(self, *arguments: str, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL) -> None:
         self.process = start("view", source, "--port", "0", *arguments, stdin=stdin)
-        assert self.process.stdout
         line = self.process.stdout.readline()
         found = re.search(r"http://127\.0\.0\.1:\d+/", line)
         assert found, line

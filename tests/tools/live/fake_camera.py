@@ -32,7 +32,6 @@ class FakeCamera:
         (folder / "frame").write_bytes(frame)
         said = json.dumps([str(folder), *size, name, code, lost])
         self.process = subprocess.Popen([*ALONE, sys.executable, __file__, said], stdout=subprocess.PIPE)
-        assert self.process.stdout
         assert self.process.stdout.readline() == b"up\n"
         self.beside = ("nsenter", "--target", str(self.process.pid), "--user", "--net", "--preserve-credentials")
 

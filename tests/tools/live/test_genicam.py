@@ -72,7 +72,6 @@ def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE) ->
 def capturing(camera: FakeCamera, out: Path) -> subprocess.Popen[str]:
     """A `capture` that has saved its first shot, and goes on."""
     process = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
-    assert process.stdout
     assert ".dng" in process.stdout.readline()
     return process
 
@@ -161,7 +160,6 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
 @needs_camera
 def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
     process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
-    assert process.stderr
     told = "".join(process.stderr.readline() for _ in range(3))
     assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in told
     process.send_signal(signal.SIGTERM)
@@ -223,7 +221,6 @@ def test_the_same_frames_from_every_source_become_the_same_bytes(plug: Plug, tmp
 def test_the_viewfinder_shows_it(plug: Plug) -> None:
     camera = plug()
     process = start("view", SOURCE, "--port", "0", *TILE, before=camera.beside)
-    assert process.stdout
     found = re.search(r"http://\S+/", process.stdout.readline())
     assert found
     fetch = "import sys, urllib.request; sys.stdout.buffer.write(urllib.request.urlopen(sys.argv[1]).read(1000))"
