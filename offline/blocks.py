@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.block_grid import BlockGrid
@@ -14,8 +14,7 @@ from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 
 from .kernels.outliers import surroundings
-
-Number = TypeVar("Number", bound=np.generic)
+from .kernels.pieces import BLOCK_ROWS, in_strips
 
 _WIDEST = 4  # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 
@@ -57,6 +56,15 @@ class Sites:
         rows, columns = self.grid.whole_rows, self.grid.whole_columns
         return [(self._every(rows + row), self._every(columns + column)) for row, column, _ in self.pattern.sites]
 
+    def at(self, rows: slice, first: int = 0) -> list[tuple[slice, slice]]:
+        """As `places`, for these rows of blocks, 1 or more, in a plane whose first row is the frame's row `first`."""
+        period, count = self.grid.period, rows.stop - rows.start
+        starts = [down.start + rows.start * period - first for down, _ in self.places]
+        return [
+            (slice(start, start + (count - 1) * period + 1, period), columns)
+            for start, (_, columns) in zip(starts, self.places, strict=True)
+        ]
+
     @property
     def pixels(self) -> tuple[IndexArray, IndexArray]:
         """Row and column of every site in the frame, (*B, S) each."""
@@ -77,17 +85,23 @@ class Sites:
         (top, left), (down, across) = self.pattern.block_origin, self.pattern.block_shape
         return int(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)).sum())
 
-    def of(self, plane: NDArray[Number]) -> NDArray[Number]:
-        """The values of a plane, (H, W), at all sites, (*B, S)."""
-        return np.stack([plane[place] for place in self.places], axis=2)
+    def of(self, plane: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
+        """The values of a plane, (H, W), at all sites, (*B, S). dtype: of the result; None = that of the plane."""
+        values = np.empty((*self.shape, len(self.places)), dtype or plane.dtype)
+
+        def work(rows: slice) -> None:
+            np.stack([plane[place] for place in self.at(rows)], axis=2, out=values[rows])
+
+        in_strips(work, self.shape[0], BLOCK_ROWS)
+        return values
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
         """The means of values, (*B, S), over the sites of each channel, (*B, C)."""
         return np.stack([values[..., self.channels == each].mean(axis=2) for each in range(len(self.pattern.channels))], axis=2)
 
     def whole(self, blocks: FloatArray) -> FloatArray:
-        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C)."""
-        return blocks[self.grid.inside].reshape(*self.shape, -1)
+        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a view."""
+        return blocks[self.grid.whole]
 
     def surroundings(self, signal: FloatArray) -> "Surroundings":
         """What the panchromatic samples of a plane, (H, W), are around each block."""
@@ -135,12 +149,18 @@ class BlockSums:
         gamma: (C,), the weights of Eq. 7.
         expected: what they are pulled towards, as the result; None = grey, as in the paper.
         """
-        a = self.weight + sigma**2
-        towards = sigma**2 / gamma.sum() if expected is None else sigma**2 * expected
-        free = (self.product + towards) / a  # Eqs. 8-9 without the constraint
-        pull = gamma / a
-        missing = 1 - free @ gamma
-        return free + pull * (missing / (pull @ gamma))[..., None]
+        found = np.empty_like(self.weight)
+
+        def work(rows: slice) -> None:
+            a = self.weight[rows] + sigma**2
+            towards = sigma**2 / gamma.sum() if expected is None else sigma**2 * expected[rows]
+            free = (self.product[rows] + towards) / a  # Eqs. 8-9 without the constraint
+            pull = gamma / a
+            missing = 1 - free @ gamma
+            found[rows] = free + pull * (missing / (pull @ gamma))[..., None]
+
+        in_strips(work, len(found), BLOCK_ROWS)
+        return found
 
 
 def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:

@@ -13,6 +13,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
 from .blocks import Sites, Surroundings
+from .kernels.pieces import BLOCK_ROWS, in_strips
 
 _TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 
@@ -47,7 +48,7 @@ class Cleaned:
     @cached_property
     def samples(self) -> DoubleArray:
         """The samples at these sites, float64 (rows, columns, S)."""
-        return self.sites.of(self.signal).astype(np.float64)
+        return self.sites.of(self.signal, np.float64)
 
     @cached_property
     def around(self) -> Surroundings:
@@ -90,9 +91,14 @@ def unclipped_blocks(frame: Cleaned) -> BoolArray:
     unclipped = np.ones(frame.sites.shape, np.bool_)
     if not signal.max() >= frame.clipping:
         return unclipped
-    limits = [size - 1 for size in signal.shape]
-    for down in range(-1, grid.block_shape[0] + 1):
-        rows = (grid.whole_rows + down).clip(0, limits[0])
-        for right in range(-1, grid.block_shape[1] + 1):
-            unclipped &= signal[np.ix_(rows, (grid.whole_columns + right).clip(0, limits[1]))] < frame.clipping
+    limits, block = [size - 1 for size in signal.shape], grid.block_shape
+    tops, columns = grid.whole_rows, [(grid.whole_columns + right).clip(0, limits[1]) for right in range(-1, block[1] + 1)]
+
+    def work(part: slice) -> None:
+        for down in range(-1, block[0] + 1):
+            seen = signal[(tops[part] + down).clip(0, limits[0])] < frame.clipping
+            for right in columns:
+                unclipped[part] &= seen[:, right]
+
+    in_strips(work, len(unclipped), BLOCK_ROWS)
     return unclipped

@@ -71,12 +71,7 @@ class BlockSamples:
 
     def inside(self, part: Part, rows: slice) -> list[tuple[slice, slice]]:
         """Where each site of these rows of blocks is in a part of the picture: slices of its rows and columns."""
-        period, count = self.sites.grid.period, rows.stop - rows.start
-        first = [place.start + rows.start * period - part.first for place, _ in self.sites.places]
-        return [
-            (slice(start, start + (count - 1) * period + 1, period), columns)
-            for start, (_, columns) in zip(first, self.sites.places, strict=True)
-        ]
+        return self.sites.at(rows, part.first)
 
     def missed(self, part: Part, rows: slice) -> FloatArray:
         """What the part says was missed at the sites of these rows of blocks, (rows, columns, S)."""

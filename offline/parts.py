@@ -3,7 +3,7 @@
 Nothing is computed twice, and the picture does not depend on where parts begin.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple, Protocol
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.progress import SILENT, Progress
+
+from .kernels.pieces import in_pieces
 
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No photograph changes."""
@@ -44,9 +46,16 @@ class Part:
         """The frame's row after its last."""
         return self.first + len(self.luminance)
 
-    def joined(self, below: "Part") -> "Part":
-        """The rows of both parts, of which `below` follows this one."""
-        return Part(self.first, **{name: np.concatenate([plane, getattr(below, name)]) for name, plane in self._planes()})
+    @classmethod
+    def joined(cls, parts: Sequence["Part"]) -> "Part":
+        """The rows of parts of which each follows the one before; a single one as it is."""
+        if len(parts) == 1:
+            return parts[0]
+        first, end = parts[0].first, parts[-1].end
+        planes = {name: np.empty((end - first, *plane.shape[1:]), plane.dtype) for name, plane in parts[0]._planes()}
+        copies = [(planes[name][each.first - first : each.end - first], plane) for each in parts for name, plane in each._planes()]
+        in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
+        return cls(first, **planes)
 
     def rows(self, first: int, end: int) -> "Part":
         """Rows `first` to `end` of the frame alone; views."""
@@ -134,11 +143,13 @@ def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Pa
 
     parts: from top to bottom. height: rows of the whole picture.
     """
-    held, done = None, 0
+    waiting, done = list[Part](), 0
     for part in parts:
-        held = held.joined(part) if held is not None and held.end > held.first else part
-        end = height if held.end == height else look.origin + (held.end - look.reach - look.origin) // look.step * look.step
+        waiting.append(part)
+        end = height if part.end == height else look.origin + (part.end - look.reach - look.origin) // look.step * look.step
         if end > done:
+            held = Part.joined(waiting)
             yield held, (done, end)
             done = end
-            held = held.rows(max(done - look.reach, held.first), held.end)
+            rest = held.rows(max(done - look.reach, held.first), held.end)
+            waiting = [rest] if rest.end > rest.first else []

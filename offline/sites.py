@@ -18,13 +18,14 @@ All three are conditional means of a Gaussian model, for any pattern. None is in
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, strips
+from shared.arrays import DoubleArray, FloatArray
 from shared.site_errors import nearness
 
 from .blocks import Sites, curvature
 from .cleaned import Cleaned, unclipped_blocks
 from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
+from .kernels.pieces import BLOCK_ROWS, copied, in_strips
 from .measured import EVEN, BlockSamples
 from .stage_settings import Switch
 
@@ -59,8 +60,14 @@ def block_samples(frame: Cleaned, luminance: FloatArray, alone: FloatArray | Non
 
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     """Standard deviation of the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
-    bends = [curvature(luminance, place, sites.grid) for place in sites.places]
-    return np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
+    error = np.empty(sites.shape, np.float32)
+
+    def work(rows: slice) -> None:
+        bends = [curvature(luminance, place, sites.grid) for place in sites.at(rows)]
+        error[rows] = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
+
+    in_strips(work, len(error), BLOCK_ROWS)
+    return error
 
 
 def solve_jointly(frame: Cleaned, luminance: FloatArray, chromaticity: DoubleArray, sigma: float, mismatch: float) -> DoubleArray:
@@ -90,21 +97,24 @@ def settle_luminance(
     """
     if not settings.used:
         return luminance
-    settled, places, height = luminance.copy(), measured.sites.places, measured.sites.shape[0]
+    settled, height = copied(luminance), measured.sites.shape[0]
     reach = len(gaussian(_WIDTH)) // 2
-    for inner in strips(height):
+
+    def work(inner: slice) -> None:
         rows = slice(max(inner.start - reach, 0), min(inner.stop + reach, height))
         delta = _missing_light(luminance, blocks, measured, rows, gamma)[inner.start - rows.start :]
-        for site, place in enumerate(places):
-            at_site = settled[place][inner]
+        for site, place in enumerate(measured.sites.at(inner)):
+            at_site = settled[place]
             at_site += delta[: len(at_site), :, site]
+
+    in_strips(work, height, 2 * BLOCK_ROWS)  # some rows are computed twice
     return settled
 
 
 def _missing_light(luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray) -> FloatArray:
     """The most probable error of luminance at the sites of these rows of blocks, (rows, columns, S); see `settle_luminance`."""
     sites = measured.sites
-    light = np.stack([luminance[place][rows] for place in sites.places], axis=2)
+    light = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
     colour = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
     shown = colour * light
     if (lines := measured.lines) is not None:
@@ -128,17 +138,24 @@ def most_probable(
     """
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
     power = signal_power(error, None if variance is None else variance.mean(axis=2))
-    share = np.square(colour).mean(axis=2)
-    # Luminance is wrong by the error of filling, but not by more than the errors show; the rest of these, or a part, is colour.
-    most = power / np.maximum(share, _LEAST_SHARE)
-    fill_variance = np.minimum(np.square(measured.fill_error[rows]), most)
-    tint = np.maximum(power - fill_variance * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
-    if measured.lines is not None:  # where a line says what colour is, errors are of luminance
-        believed = measured.lines.share[rows]
-        tint, fill_variance = tint * np.maximum(1 - believed, np.float32(_DOUBT)), fill_variance + believed * (most - fill_variance)
-    noise = np.zeros_like(error) if variance is None else variance
+    near, filled = nearness(sites.pattern), measured.fill_error[rows]
+    believed = None if measured.lines is None else measured.lines.share[rows]
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
-    kernels.share_out(error, colour, fill_variance, tint, noise, sites.channels, nearness(sites.pattern), light, tints)
+
+    def work(part: slice) -> None:
+        share, shown = np.square(colour[part]).mean(axis=2), power[part]
+        # Luminance is wrong by the error of filling, but not by more than the errors show; the rest of these, or a part, is colour.
+        most = shown / np.maximum(share, _LEAST_SHARE)
+        fill_variance = np.minimum(np.square(filled[part]), most)
+        tint = np.maximum(shown - fill_variance * share, np.float32(_TINT) * shown) / np.float32(1 - 1 / len(gamma))
+        if believed is not None:  # where a line says what colour is, errors are of luminance
+            tint *= np.maximum(1 - believed[part], np.float32(_DOUBT))
+            fill_variance += believed[part] * (most - fill_variance)
+        noise = np.zeros_like(error[part]) if variance is None else variance[part]
+        known = error[part], colour[part], fill_variance, tint, noise
+        kernels.share_out(*known, sites.channels, near, light[part], tints[part])
+
+    in_strips(work, len(error), BLOCK_ROWS // 4)
     return light, tints
 
 

@@ -82,24 +82,26 @@ class BlockGrid:
         )
         return down[:, None] & across[None, :]
 
+    @cached_property
+    def whole(self) -> tuple[slice, slice]:
+        """The rows and columns of blocks that lie wholly inside the frame."""
+        down, across = (np.flatnonzero(self.inside.any(axis=axis)) for axis in (1, 0))
+        return slice(int(down[0]), int(down[-1]) + 1), slice(int(across[0]), int(across[-1]) + 1)
+
     @property
     def whole_rows(self) -> IndexArray:
         """The `rows` of whole blocks: frame row of the first pixel of each block row that lies inside the frame."""
-        return self.rows[self.inside.any(axis=1)]
+        return self.rows[self.whole[0]]
 
     @property
     def whole_columns(self) -> IndexArray:
         """The `columns` of whole blocks: frame column of the first pixel of each block column that lies inside the frame."""
-        return self.columns[self.inside.any(axis=0)]
+        return self.columns[self.whole[1]]
 
     def extend(self, measured: FloatArray) -> FloatArray:
         """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the others copy the nearest one."""
-        return np.ascontiguousarray(np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge"))
-
-    @cached_property
-    def _outside(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        down, across = (np.flatnonzero(self.inside.any(axis=axis)) for axis in (1, 0))
-        return (int(down[0]), self.shape[0] - 1 - int(down[-1])), (int(across[0]), self.shape[1] - 1 - int(across[-1]))
+        outside = [(whole.start, size - whole.stop) for whole, size in zip(self.whole, self.shape, strict=True)]
+        return np.ascontiguousarray(np.pad(measured, (*outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge"))
 
     def _origins(self, axis: int) -> IndexArray:
         first = -self.padding[axis][0] - self.block_shape[axis] // 2

@@ -9,8 +9,18 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import STRIP, strips
 from shared.processors import THREADS, processors
+
+Number = TypeVar("Number", bound=np.generic)
+
+BLOCK_ROWS = 32
+"""Rows of blocks that are computed together, about as many rows of a picture as in `STRIP`."""
 
 
 class _Chosen(threading.local):
@@ -93,6 +103,19 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
                 other.join()
     for error in errors:
         raise error
+
+
+def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -> None:
+    """Call `work` for the slices of `strips(rows, height)`, as `in_pieces` does."""
+    every = list(strips(rows, height))
+    in_pieces(lambda first, _: work(every[first]), len(every))
+
+
+def copied(plane: NDArray[Number]) -> NDArray[Number]:
+    """A copy of an array: new memory takes as long to get as to write, and every thread gets its part."""
+    made = np.empty(plane.shape, plane.dtype)
+    in_strips(lambda rows: np.copyto(made[rows], plane[rows]), len(plane), STRIP // 4)
+    return made
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
+from ..kernels.pieces import copied, in_pieces
 from ..measured import BlockSamples
 from ..parts import DARK, Look, Part, RowStage
 from ..sites import most_probable, site_reach
@@ -28,15 +29,19 @@ class Missed(RowStage):
         """These rows, with what they miss."""
         shown, sites = part.rows(*rows), self.samples.sites
         missed = np.zeros_like(shown.luminance)
-        for site, (channel, (down, across)) in enumerate(zip(sites.channels, sites.places, strict=True)):
+
+        def measure(site: int) -> None:
+            channel, (down, across) = sites.channels[site], sites.places[site]
             first, end = (max(-(-(row - down.start) // down.step), 0) for row in rows)  # rows of blocks
             end, top = min(end, sites.shape[0]), down.start + first * down.step - rows[0]
             if end <= first:
-                continue
+                return
             place = slice(top, top + (end - first - 1) * down.step + 1, down.step), across
             seen = shown.chromaticity[place][..., channel] * shown.luminance[place]
             error = (self.samples.samples[first:end, :, site] - seen) * self.gamma[channel]
             missed[place] = error * self.samples.unclipped[first:end]
+
+        in_pieces(lambda site, _: measure(site), len(sites.places))
         return replace(shown, missed=missed)
 
 
@@ -73,13 +78,19 @@ def correct_sites(part: Part, measured: BlockSamples, gamma: FloatArray) -> Part
     if rows.start >= rows.stop:
         return part
     places, channels = measured.inside(part, rows), measured.sites.channels
-    shares = np.stack([part.chromaticity[place] * gamma for place in places], axis=2)  # (rows, columns, S, C)
-    colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(channels)], axis=2)
+    colour = np.empty((rows.stop - rows.start, measured.sites.shape[1], len(places)), np.float32)
+
+    def look(site: int) -> None:
+        np.multiply(part.chromaticity[places[site]][..., channels[site]], gamma[channels[site]], out=colour[..., site])
+
+    in_pieces(lambda site, _: look(site), len(places))
     light, tints = most_probable(measured.missed(part, rows), colour, measured, rows, gamma)
     if measured.kept is not None:
         tints *= measured.kept[rows, :, None, None]
-    luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
-    for site, place in enumerate(places):
+    luminance, chromaticity = copied(part.luminance), copied(part.chromaticity)
+
+    def correct(site: int) -> None:
+        place = places[site]
         before = luminance[place]
         after = before + light[..., site]
         lit = ~((after <= DARK) | (before <= DARK))[..., None]  # what is not a number is to be seen, and refused
@@ -87,4 +98,6 @@ def correct_sites(part: Part, measured: BlockSamples, gamma: FloatArray) -> Part
         tinted = chromaticity[place] + tints[:, :, site] / (gamma * np.where(lit, after[..., None], 1))
         luminance[place] = np.where(lit[..., 0], after, before)
         chromaticity[place] = np.where(lit, tinted, chromaticity[place])
+
+    in_pieces(lambda site, _: correct(site), len(places))
     return replace(part, luminance=luminance, chromaticity=chromaticity)

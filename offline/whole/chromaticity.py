@@ -8,6 +8,7 @@ from shared.progress import SILENT, Progress
 from ..blocks import BlockSums
 from ..cleaned import Cleaned
 from ..kernels.medians import SLACK, oriented_median
+from ..kernels.pieces import BLOCK_ROWS, in_strips
 from ..settings import ChromaticitySettings
 from ..sites import solve_jointly
 from .detail import give_back
@@ -43,11 +44,16 @@ def estimate_chromaticities(
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
     # estimates are wild (darkness), scaling would blow them up: there the nearest point of the plane is the safe way back.
-    total = (chromaticity @ gamma)[..., None]
-    scaled = chromaticity / np.where(total > _LEAST_TOTAL, total, 1)
-    if total.min() <= _LEAST_TOTAL:
-        projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
-        scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
+    scaled = np.empty_like(chromaticity)
+
+    def constrain(rows: slice) -> None:
+        total = (chromaticity[rows] @ gamma)[..., None]
+        scaled[rows] = chromaticity[rows] / np.where(total > _LEAST_TOTAL, total, 1)
+        if total.min() <= _LEAST_TOTAL:
+            projected = chromaticity[rows] + (1 - total) * gamma / (gamma @ gamma)
+            scaled[rows] = np.where(total > _LEAST_TOTAL, scaled[rows], projected)
+
+    in_strips(constrain, len(scaled), BLOCK_ROWS)
     if settings.detail_gain:
         scaled = give_back(unfiltered, scaled, sums, sigma, gamma, settings.detail_gain)
     return frame.sites.grid.extend(scaled.astype(np.float32))
@@ -57,10 +63,14 @@ def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
     """The sums of Eqs. 8-9 of each whole block. luminance: (H, W), scene units."""
     shape = *frame.sites.shape, len(frame.gamma)
     weight, product, signal = np.zeros(shape), np.zeros(shape), frame.signal
-    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
-        light = luminance[place].astype(np.float64)
-        weight[..., channel] += light**2
-        product[..., channel] += light * signal[place]
+
+    def work(rows: slice) -> None:
+        for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
+            light = luminance[place].astype(np.float64)
+            weight[rows, :, channel] += light**2
+            product[rows, :, channel] += light * signal[place]
+
+    in_strips(work, len(weight), BLOCK_ROWS)
     return BlockSums(weight, product)
 
 

@@ -18,6 +18,7 @@ from shared.progress import SILENT, Progress
 from ..blocks import sum_noise, tile
 from ..cleaned import Cleaned
 from ..kernels.outliers import find_outliers, mend_panchromatic
+from ..kernels.pieces import copied
 from ..settings import DefectSettings
 
 # Chosen; half and twice change none of the measured scenes (README).
@@ -42,15 +43,15 @@ def mend_defects(frame: Cleaned, settings: DefectSettings, progress: Progress = 
     if len(rows):
         values = np.empty(len(rows), np.float32)
         mend_panchromatic(frame.signal, tile(frame.mosaic.pattern), bad, rows, columns, values)
-        signal = frame.signal.copy()
+        signal = copied(frame.signal)
         signal[rows, columns] = values
         frame = frame.with_samples(signal)
     progress.advance()
-    bad_sites = bad[frame.sites.pixels]
+    bad_sites = frame.sites.of(bad)
     if settings.contrast:
         _find_in_blocks(frame, bad_sites, settings)
     if bad_sites.any():
-        signal, (rows, columns) = frame.signal.copy(), frame.sites.pixels
+        signal, (rows, columns) = copied(frame.signal), frame.sites.pixels
         signal[rows[bad_sites], columns[bad_sites]] = _mended(frame, bad_sites)
         frame = frame.with_samples(signal)
     progress.advance()
@@ -151,11 +152,13 @@ class _Around(NamedTuple):
 
 def _around(frame: Cleaned, bad: BoolArray, where: tuple[IndexArray, ...]) -> _Around:
     """The neighbourhoods of the blocks at `where`; a site without a good neighbour is grey."""
-    light, grey = frame.around.light, 1 / float(frame.gamma.sum())
+    grey = 1 / float(frame.gamma.sum())
+    rows, columns = (np.add.outer(np.array(steps), places) for steps, places in zip(zip(*_RING, strict=True), where, strict=True))
+    there = (rows >= 0) & (rows < bad.shape[0]) & (columns >= 0) & (columns < bad.shape[1])
+    place = np.where(there, rows, 0), np.where(there, columns, 0)
+    light = frame.around.light[place]
     dark = light <= _LEAST_LIGHT * frame.level
-    ratios = np.where(bad | dark, np.nan, frame.samples / np.where(dark, 1, light))
-    wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])
+    near = np.where(bad[place] | dark | ~there[..., None], np.nan, frame.samples[place] / np.where(dark, 1, light))
     count = (~np.isnan(near)).sum(axis=0)
     near = np.where(count > 0, near, grey)
     return _Around(np.nanmedian(near, axis=0), np.nanmin(near, axis=0), np.nanmax(near, axis=0), count)

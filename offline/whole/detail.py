@@ -13,6 +13,7 @@ from shared.arrays import DoubleArray
 
 from ..blocks import BlockSums
 from ..gaussian import smoothed
+from ..kernels.pieces import BLOCK_ROWS, in_strips
 
 _WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared; chosen, half or twice changes 0.07 dB
 _TINY = 1e-30  # keeps quotients finite
@@ -29,10 +30,21 @@ def give_back(
     gain: > 0. The estimated error energy is (squared violation of Eq. 7) / gain; larger values return more detail.
     """
     weight, product = sums.weight, sums.product
-    light = weight.mean(axis=2)
-    missing = ((product + sigma**2 / gamma.sum()) / (weight + sigma**2)) @ gamma - 1
-    error = smoothed(light * missing**2, _WIDTH)
-    noise = smoothed((sigma**2 * light[..., None] / (weight + sigma**2)).sum(axis=2), _WIDTH)
-    removed = smoothed(light * ((unfiltered - smooth) ** 2).sum(axis=2), _WIDTH)
-    share: DoubleArray = np.clip(1 - (error / gain + noise) / np.maximum(removed, _TINY), 0, 1)
-    return smooth + share[..., None] * (unfiltered - smooth)
+    energies, given = np.empty((3, *weight.shape[:2]), np.float32), np.empty_like(smooth)
+
+    def measure(rows: slice) -> None:
+        light = weight[rows].mean(axis=2)
+        missing = ((product[rows] + sigma**2 / gamma.sum()) / (weight[rows] + sigma**2)) @ gamma - 1
+        energies[0, rows] = light * missing**2
+        energies[1, rows] = (sigma**2 * light[..., None] / (weight[rows] + sigma**2)).sum(axis=2)
+        energies[2, rows] = light * ((unfiltered[rows] - smooth[rows]) ** 2).sum(axis=2)
+
+    in_strips(measure, len(given), BLOCK_ROWS)
+    error, noise, removed = smoothed(energies, _WIDTH)
+
+    def give(rows: slice) -> None:
+        share = np.clip(1 - (error[rows] / gain + noise[rows]) / np.maximum(removed[rows], _TINY), 0, 1)
+        given[rows] = smooth[rows] + share[..., None] * (unfiltered[rows] - smooth[rows])
+
+    in_strips(give, len(given), BLOCK_ROWS)
+    return given

@@ -14,7 +14,8 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.networks import NETWORKS, load_network
 
-from ..kernels.pieces import in_pieces
+from ..blocks import Sites
+from ..kernels.pieces import in_pieces, in_strips
 
 PATH = NETWORKS / "luminance.onnx"
 REACH = 5
@@ -36,9 +37,10 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     pattern, noise = mosaic.pattern, mosaic.calibration.noise
     if pattern.is_scattered or pattern.block_shape != (2, 2) or len(pattern.sites) != 4 or pattern.period < _LEAST_PERIOD:
         return luminance
-    network, grid = load_network(PATH), pattern.grid(mosaic.shape)
+    network, sites = load_network(PATH), Sites.in_frame(mosaic)
+    grid = sites.grid
     first_rows, columns = grid.whole_rows, grid.whole_columns
-    off = np.empty((len(first_rows), len(columns), 2, 2), np.float32)
+    off = np.empty((len(first_rows), len(columns), 4), np.float32)
 
     def work(piece: int) -> None:
         rows = first_rows[piece * _PIECE : (piece + 1) * _PIECE]
@@ -47,12 +49,15 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
         seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise)
         (found,) = network.run(None, {"seen": seen})
-        off[piece * _PIECE :][: len(rows)] = (found * units).reshape(len(rows), len(columns), 2, 2)
+        off[piece * _PIECE :][: len(rows)] = (found * units).reshape(len(rows), len(columns), 4)
 
     in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
-    for row in range(2):
-        for column in range(2):
-            luminance[np.ix_(first_rows + row, columns + column)] += off[:, :, row, column]
+
+    def add(rows: slice) -> None:
+        for site, place in enumerate(sites.at(rows)):
+            luminance[place] += off[rows, :, site]
+
+    in_strips(add, len(off), _PIECE)
     return luminance
 
 

@@ -9,11 +9,14 @@ A highlight smaller than the distance of two blocks, or the rim of one beside th
 or its colour. Such places are lost, and the render reports them.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, strips
+from shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
@@ -22,6 +25,7 @@ from shared.white_balance import clipped_share, raised_to_white
 from ..blocks import tile
 from ..cleaned import Cleaned
 from ..kernels.highlights import interpolate, raise_clipped
+from ..kernels.pieces import BLOCK_ROWS, copied, in_strips
 from ..settings import HighlightSettings
 
 # Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a stop (README).
@@ -55,24 +59,29 @@ def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Pr
         return frame
     progress.stage("highlights", 1)
     pattern, sites, blocks = frame.mosaic.pattern, frame.sites, frame.around
-    means = sites.means(frame.samples)
-    white = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma)
-    whole = unclipped(means, clipping, white, settings.shoulder)
-    result = signal.copy()
-    raise_by = whole / np.where(means > 0, means, 1)  # in proportion, so that two sites of one channel keep their difference
-    for site, (place, channel) in enumerate(zip(sites.places, sites.channels, strict=True)):
-        result[place] = frame.samples[..., site] * raise_by[..., channel]
-    light = replace_dark(whole @ frame.gamma, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
-    gone = clipped_share(means, clipping, settings.shoulder).prod(axis=2)
+    white, samples, gamma = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma), frame.samples, frame.gamma
+    result, total, gone = copied(signal), np.empty(sites.shape), np.empty(sites.shape)
+
+    def restore(rows: slice) -> None:
+        means = sites.means(samples[rows])
+        whole = unclipped(means, clipping, white, settings.shoulder)
+        raise_by = whole / np.where(means > 0, means, 1)  # in proportion, so that two sites of one channel keep their difference
+        for site, (place, channel) in enumerate(zip(sites.at(rows), sites.channels, strict=True)):
+            result[place] = samples[rows, :, site] * raise_by[..., channel]
+        total[rows], gone[rows] = whole @ gamma, clipped_share(means, clipping, settings.shoulder).prod(axis=2)
+
+    in_strips(restore, len(total), BLOCK_ROWS)
+    light = replace_dark(total, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
     unknown = unmeasured(blocks.lowest / clipping, gone).astype(np.float32)
     lost = np.zeros(signal.shape, np.uint8)
     middle, width = sites.middle, _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
-    for inner in strips(len(signal)):
+
+    def spread(inner: slice) -> None:
         top = max(inner.start - len(fall), 0)
         seen = signal[top : inner.stop + len(fall)]
         if not seen.max() >= clipping:
-            continue
+            return
         plane, raised, kept = np.empty_like(seen), seen.copy(), slice(inner.start - top, inner.stop - top)
         interpolate(unknown, (middle[0] - top, middle[1]), pattern.period, plane)
         clear = pattern.panchromatic_mask(seen.shape, (top, 0))
@@ -81,6 +90,8 @@ def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Pr
         panchromatic = np.roll(tile(pattern), -top, axis=0)
         raise_clipped(seen, panchromatic, clipping, _TOLERANCE * clipping, plane, fall, _FAINT, raised)
         np.copyto(result[inner], raised[kept], where=clear[kept])
+
+    in_strips(spread, len(signal), STRIP // 2)
     progress.advance()
     return replace(frame.with_samples(result), lost=lost)
 
@@ -92,7 +103,7 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
     """
     known, values = bright.astype(np.float64), np.where(bright, light, 0)
     for _ in range(_RINGS):
-        total, weight = (_three_by_three(plane) for plane in (values * known, known))
+        total, weight = (_three_by_three(plane, np.sum) for plane in (values * known, known))
         grown = (known == 0) & (weight > 0)
         values = np.where(grown, total / np.where(weight > 0, weight, 1), values)
         known = np.where(grown, 1, known)
@@ -108,11 +119,9 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
     lowest: the darkest panchromatic sample around each block, as a fraction of the limit.
     gone: how far all channels of each block are clipped, 0 to 1.
     """
-    from scipy.ndimage import maximum_filter
-
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
-    near, beside = (maximum_filter(plane, 3, mode="nearest") for plane in (inside, inside * gone))
+    near, beside = (_three_by_three(plane, np.max) for plane in (inside, inside * gone))
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 
@@ -121,18 +130,31 @@ def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArra
 
     lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
     """
-    from scipy.ndimage import uniform_filter
-
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
-    total, count = (uniform_filter(plane, 1 + 2 * reach, mode="constant") for plane in (lost.clip(0, 1), clear.astype(np.float32)))
+    total, count = (window_mean(plane, reach) for plane in (lost.clip(0, 1), clear))
     return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
 
 
-def _three_by_three(plane: DoubleArray) -> DoubleArray:
-    wide = np.pad(plane, 1)
-    rows, columns = plane.shape
-    shifted = [wide[down : down + rows, across : across + columns] for down in range(3) for across in range(3)]
-    return np.sum(shifted, axis=0)
+def window_mean(plane: NDArray[Any], reach: int) -> FloatArray:
+    """The mean of the pixels up to `reach` rows and columns away, of which those outside are 0."""
+    for _ in ("rows", "columns"):
+        wide = np.pad(plane.astype(np.float64), ((reach, reach), (0, 0)))
+        total = np.sum([wide[step : step + len(plane)] for step in range(1 + 2 * reach)], axis=0)
+        plane = (total / (1 + 2 * reach)).astype(np.float32).T
+    return plane
+
+
+def _three_by_three(plane: DoubleArray, reduced: Callable[..., DoubleArray]) -> DoubleArray:
+    """The sum or the maximum of what is not negative in each place and the eight around it."""
+    wide, found = np.pad(plane, 1), np.empty_like(plane)
+
+    def work(rows: slice) -> None:
+        around = wide[rows.start : rows.stop + 2]
+        shifted = [around[down : len(around) - 2 + down, right : right + plane.shape[1]] for down in range(3) for right in range(3)]
+        found[rows] = reduced(shifted, axis=0)
+
+    in_strips(work, len(found), BLOCK_ROWS)
+    return found
 
 
 def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...], shoulder: float) -> DoubleArray:

@@ -9,6 +9,7 @@ from shared.progress import SILENT, Progress
 
 from ..gaussian import smoothed
 from ..kernels.holes import CHUNK, REACH, fill_blocks
+from ..kernels.pieces import copied
 from ..kernels.shrinkage import SLACK, shrink_margins, shrink_once
 from ..settings import LuminanceSettings
 from .filling import refilled
@@ -49,7 +50,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
         progress.solved("luminance", settings.iterations, change)
         return luminance
     progress.stage("luminance", -(-len(rows) // _PIECE))
-    luminance, changes = guess.copy(), np.empty(len(rows), np.float32)
+    luminance, changes = copied(guess), np.empty(len(rows), np.float32)
     change = _fill_margins(luminance, pattern, (rows, columns), thresholds)
     holes = np.array([site[:2] for site in pattern.sites])
     extent, response = pattern.block_shape, _response(pattern.block_shape, holes)

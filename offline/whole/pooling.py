@@ -10,13 +10,14 @@ seldom the colour of a dark place. So they are pulled towards the chromaticity o
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, strips
+from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.progress import SILENT, Progress
 
 from ..blocks import BlockSums, curvature
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
+from ..kernels.pieces import BLOCK_ROWS, in_strips
 from ..kernels.pooling import CHANNELS, SLACK, pool
 from ..kernels.sites import FAINTEST, STRONGEST
 from ..settings import PoolingSettings
@@ -63,9 +64,14 @@ def pool_blocks(
         variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE * frame.level**2)
         sums[:channels] += others.weight.transpose(2, 0, 1) / variances
         sums[channels:] += others.product.transpose(2, 0, 1) / variances
-    variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
-    expected = _solved(smoothed(sums, _EXPECTED), gamma)
-    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level))
+    expected, level = _solved(smoothed(sums, _EXPECTED), gamma), frame.level
+    variance, brightness = np.empty_like(light), light  # in its place, for memory
+
+    def told(rows: slice) -> None:
+        variance[rows] = 1 / sums[:channels, rows].mean(axis=0).clip(_LEAST_PRECISION)
+        brightness[rows] = np.log(light[rows].clip(_LEAST_LIGHT * level))
+
+    in_strips(told, len(light), BLOCK_ROWS)
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.pad(_LIFT * np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
@@ -75,7 +81,7 @@ def pool_blocks(
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
         pooled = pooled[:, :, :columns]
-        pooled /= _LIFT
+        in_strips(lambda rows: np.divide(pooled[:, rows], _LIFT, out=pooled[:, rows]), len(light), BLOCK_ROWS)  # noqa: B023
         chromaticity = _solved(pooled, gamma, 1 / (_APART * frame.mosaic.calibration.grey), expected)
         progress.advance()
     return sites.grid.extend(chromaticity.transpose(1, 2, 0))
@@ -90,17 +96,22 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     """
     channels, noise = len(frame.gamma), frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma))
     sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
-    signal, places = frame.signal, frame.sites.places
+    signal = frame.signal
     grey = np.float32(frame.mosaic.calibration.grey)
-    seen = smoothed(chromaticity, _AROUND).clip(FAINTEST * grey, STRONGEST * grey)
-    for channel, place in zip(frame.sites.channels, places, strict=True):
-        value = luminance[place]
-        variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-        variance += (np.float32(error) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
-        precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
-        sums[channel] += value**2 * precision
-        sums[channels + channel] += value * signal[place] * precision
-        light += value / len(places)
+    smooth, least = smoothed(chromaticity, _AROUND), _LEAST_VARIANCE * frame.level**2
+
+    def work(rows: slice) -> None:
+        seen = smooth[:, rows].clip(FAINTEST * grey, STRONGEST * grey)
+        for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
+            value = luminance[place]
+            variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
+            variance += (np.float32(error) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
+            precision = 1 / np.maximum(variance, least)
+            sums[channel, rows] += value**2 * precision
+            sums[channels + channel, rows] += value * signal[place] * precision
+            light[rows] += value / len(frame.sites.places)
+
+    in_strips(work, len(light), BLOCK_ROWS)
     return sums, light
 
 
@@ -111,10 +122,13 @@ def _solved(sums: FloatArray, gamma: DoubleArray, sigma: float = 1.0, expected: 
     """
     channels = len(gamma)
     found = np.empty((channels, *sums.shape[1:]), np.float32)
-    for rows in strips(sums.shape[1]):
+
+    def work(rows: slice) -> None:
         weight, product = np.moveaxis(sums[:, rows].astype(np.float64).reshape(2, channels, -1, sums.shape[2]), 1, 3)
         centre = None if expected is None else expected[:, rows].transpose(1, 2, 0).astype(np.float64)
         found[:, rows] = BlockSums(weight, product).solved(sigma, gamma, centre).transpose(2, 0, 1)
+
+    in_strips(work, sums.shape[1], BLOCK_ROWS)
     return found
 
 

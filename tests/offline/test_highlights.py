@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter
 
 from offline import BEST, PAPER, render
-from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured
+from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured, window_mean
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
@@ -214,6 +215,12 @@ def test_what_is_lost_is_the_same_for_every_number_of_threads(each_thread_count:
     found = {None if (lost := render(mosaic, BEST).lost) is None else lost.tobytes() for _ in each_thread_count}
     assert len(found) == 1
     assert None not in found
+
+
+@pytest.mark.parametrize("reach", [1, 2])
+def test_what_is_lost_at_colour_sites_is_the_mean_around_them(reach: int) -> None:
+    plane = np.random.default_rng(0).random((9, 14), np.float32)
+    assert np.array_equal(window_mean(plane, reach), uniform_filter(plane, 1 + 2 * reach, mode="constant"))
 
 
 def test_blocks_tell_of_what_is_around_them() -> None:

@@ -8,7 +8,6 @@ stated deviations: both are quantiles of the error divided by what is stated, an
 import argparse
 import sys
 from collections.abc import Iterator
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +44,7 @@ class Errors(NamedTuple):
 def errors_of(mosaic: Mosaic, scene: FloatArray, random: np.random.Generator) -> tuple[Errors, Errors]:
     """The errors of luminance and of colour of some pixels of a rendered shot; gamma is 1. scene: the truth, (H, W, C)."""
     measured = measure(mosaic, BEST)
-    part = reduce(Part.joined, parts_of(measured, BEST))
+    part = Part.joined(list(parts_of(measured, BEST)))
     inner = (slice(BORDER, -BORDER),) * 2
     light, true = part.luminance, scene.sum(axis=2)
     grey = scene.shape[2]

@@ -5,7 +5,6 @@ exposure, and a little noise of its own. Then it is simulated and rendered up to
 """
 
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +56,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     mosaic = simulate_additive(scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random)
     settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
     measured = measure(mosaic, settings)
-    corrected = reduce(Part.joined, parts_of(measured, settings))
+    corrected = Part.joined(list(parts_of(measured, settings)))
     assert measured.samples is not None  # BEST uses them
     cells = Cells.of(measured.samples.sites)
     inputs = Inputs(cells, corrected, measured.samples, gamma)

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from offline.kernels import pieces as product
@@ -19,6 +20,16 @@ def test_every_piece_is_worked_on_once(each_thread_count: Iterator[int], count: 
         product.in_pieces(lambda first, end, seen=seen: seen.append(range(first, end)), count, together)  # type: ignore[misc]
         assert sorted(piece for part in seen for piece in part) == list(range(count))
         assert all(len(part) <= together for part in seen)
+
+
+@pytest.mark.parametrize("rows", [0, 1, 5, 130])
+def test_strips_cover_every_row_once_and_copies_are_whole(each_thread_count: Iterator[int], rows: int) -> None:
+    plane = np.arange(6.0 * rows).reshape(-1, 3).T[:, ::-2].T  # not contiguous
+    for _ in each_thread_count:
+        seen = np.zeros(rows, int)
+        product.in_strips(lambda part, seen=seen: np.add.at(seen, part, 1), rows, 3)  # type: ignore[misc]
+        assert (seen == 1).all()
+        assert np.array_equal(product.copied(plane), plane)
 
 
 def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
