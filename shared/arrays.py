@@ -6,7 +6,7 @@ ndimage "mirror", OpenCV ``BORDER_REFLECT_101``. (SciPy's "reflect" is a differe
 """
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,16 @@ def mirrored(places: IndexArray, size: int) -> IndexArray:
 
 STRIP = 256
 """Rows of a picture that are processed at a time, so that temporary arrays stay small compared with the picture."""
+
+
+def is_frozen(array: NDArray[Any]) -> bool:
+    """Whether nobody can write to an array, nor to what it is a view of."""
+    memory: Any = array
+    while isinstance(memory, np.ndarray):
+        if memory.flags.writeable:
+            return False
+        memory = memory.base
+    return memory is None or memoryview(memory).readonly
 
 
 CACHED = 1 << 14

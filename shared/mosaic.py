@@ -1,11 +1,12 @@
 """The mosaic: what the sensor measured, with everything needed to make sense of it."""
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import CACHED, CodeArray, FloatArray, strips
+from .arrays import CACHED, CodeArray, FloatArray, is_frozen, strips
 from .calibration import SensorCalibration
 from .errors import InputError
 from .metadata import CaptureMetadata
@@ -17,8 +18,8 @@ class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading undone; noise may make it
-        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
-        its memory.
+        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is float32, read-only and owns its
+        memory, or uint16 in whole rows and nobody can write to it (`is_frozen`): a camera has no time for a copy.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, when pattern and calibration name different channels, and when shading or aberration were measured on
     frames of another shape.
@@ -40,16 +41,14 @@ class Mosaic:
         samples = np.asarray(self.samples)
         if samples.ndim != 2:
             raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
-        self.calibration.check_pattern(self.pattern)
         self.pattern.grid((samples.shape[0], samples.shape[1]))
-        for each in self.calibration.lens:
-            each.check((samples.shape[0], samples.shape[1]))
-        owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
+        self._check_calibration((samples.shape[0], samples.shape[1]))
         if samples.dtype == np.uint16:
-            kept = samples if owned else np.array(samples, order="C")
+            kept = samples if is_frozen(samples) and samples.strides[1] == samples.itemsize else np.array(samples, order="C")
             if int(kept.max()) >> self.calibration.bits:
                 raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
         elif np.issubdtype(samples.dtype, np.floating):
+            owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
             kept = samples if owned and samples.dtype == np.float32 else np.array(samples, np.float32, order="C")
             if not np.isfinite([kept.min(), kept.max()]).all():  # a NaN is the largest and the smallest of all
                 bad = int((~np.isfinite(kept)).sum())
@@ -104,6 +103,15 @@ class Mosaic:
         codes.flags.writeable = False
         return codes
 
+    def calibrated(self, calibration: SensorCalibration) -> "Mosaic":
+        """The same samples with another calibration of as many bits, for which they need not be read again. Raises InputError."""
+        if calibration.bits != self.calibration.bits:
+            return replace(self, calibration=calibration)
+        result = copy(self)
+        object.__setattr__(result, "calibration", calibration)
+        result._check_calibration(self.shape)
+        return result
+
     def in_scene_units(self) -> "Mosaic":
         """The same mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
         return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
@@ -134,6 +142,12 @@ class Mosaic:
                 signal[*lattice] *= ours / panchromatic
         signal.flags.writeable = False
         return replace(bare, samples=signal)
+
+    def _check_calibration(self, shape: tuple[int, int]) -> None:
+        """Raise InputError unless the calibration is for this pattern and for frames of this shape."""
+        self.calibration.check_pattern(self.pattern)
+        for each in self.calibration.lens:
+            each.check(shape)
 
     def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
         """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""

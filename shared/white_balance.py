@@ -57,14 +57,17 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops, lefts = grid.whole_rows, grid.whole_columns
     every = max(1, len(tops) * len(lefts) // _MOST)
     tops = tops[every // 2 :: every]
+    if not len(tops):
+        return None
     blocks = np.zeros((len(pattern.channels), len(tops), len(lefts)), np.float32)
     for row, column, channel in pattern.sites:
-        blocks[channel] += mosaic.samples[tops + row, lefts[0] + column :: pattern.period][:, : len(lefts)]
+        rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
+        blocks[channel] += mosaic.samples[rows, lefts[0] + column :: pattern.period][:, : len(lefts)]
     blocks /= np.bincount([channel for *_, channel in pattern.sites])[:, None, None]
     if mosaic.samples.dtype == np.uint16:
         blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]
         blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
-        if calibration.shading is not None and len(tops):
+        if calibration.shading is not None:
             seen = slice(tops[0], tops[-1] + 1, every * pattern.period), slice(lefts[0], lefts[-1] + 1, pattern.period)
             blocks *= np.stack([calibration.shading.of_plane(mosaic.shape, channel, *seen) for channel in range(len(blocks))])
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.

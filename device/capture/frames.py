@@ -6,16 +6,18 @@ libcamera: SRGGB10_CSI2P) state the filters that the driver assumes. They are ig
 """
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property, reduce
 from io import RawIOBase
 from time import monotonic
+from weakref import finalize
 
 import numpy as np
 
-from shared.arrays import ByteArray, CodeArray
+from shared.arrays import ByteArray, CodeArray, is_frozen
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
@@ -23,6 +25,7 @@ from shared.spelling import meant
 
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
 _ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
+_SPARE = 2
 _STRIP = 64  # rows unpacked at a time; they fit into the cache
 
 
@@ -169,15 +172,20 @@ class FrameLayout:
     def unpack(self, data: bytes | bytearray | memoryview) -> CodeArray:
         """The samples of one frame, uint16 (height, width), which a `Mosaic` keeps without another copy.
 
+        They are a view of `data` if it is read-only and has them as they are.
         Raises InputError unless `data` is `frame_bytes` long.
         """
         if len(data) != self.frame_bytes:
             raise InputError(self.misfit(len(data)))
         lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[:, : self.line_bytes]
-        codes = np.empty((self.height, self.width), np.uint16)
         packing = FORMATS[self.format]
         if packing.words:
-            codes[:] = lines.view(packing.words)
+            words = lines.view(packing.words)
+            if words.dtype == np.uint16 and words.flags.aligned and is_frozen(words):
+                return words
+        codes = np.empty((self.height, self.width), np.uint16)
+        if packing.words:
+            codes[:] = words
         else:
             self._unpack_groups(lines, codes)
         codes.flags.writeable = False
@@ -259,9 +267,14 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
     Raises InputError, after the last whole frame, when the stream ends within a frame, holds none, or cannot be read.
     """
     count = 0
+    # Memory of frames that nobody needs any more: the system clears what is new to a process, which takes as long as a copy.
+    spare: deque[ByteArray] = deque(maxlen=_SPARE)
     while True:
-        data = np.empty(layout.frame_bytes, np.uint8).data  # not a bytearray: clearing it would stop the other threads
-        filled = 0
+        # Not a bytearray: clearing it would stop the other threads.
+        memory = spare.pop() if spare else np.empty(layout.frame_bytes, np.uint8)
+        lent = memory[:]  # kept by all that is made of the frame
+        finalize(lent, spare.append, memory).atexit = False
+        data, filled = lent.data, 0
         while filled < len(data):
             try:
                 length = stream.readinto(data[filled:])
@@ -273,7 +286,7 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         if filled < len(data):
             break
         count += 1
-        yield RawFrame.now(data)
+        yield RawFrame.now(data.toreadonly())
     if filled:
         advice = "If the camera was not stopped, its frames have another size, and the shots of this stream are wrong"
         if likely := layout.likely(count * len(data) + filled):

@@ -1,7 +1,7 @@
 """The capture loop: turns raw frames into DNG files with previews, one by one or as a burst."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -88,7 +88,7 @@ def capture_burst(
     white = SteadyWhite()(mosaics[0]).calibration
     save = shots.burst(count, first)
     for mosaic in mosaics:
-        yield _saved(replace(mosaic, calibration=white), preview, save)
+        yield _saved(mosaic.calibrated(white), preview, save)
 
 
 def _saved(mosaic: Mosaic, preview: PreviewMaker, save: Callable[[Mosaic, ByteArray], Path]) -> Saved:

@@ -1,7 +1,5 @@
 """White balance of a stream whose colours nobody has measured: estimated from its frames, and steady from frame to frame."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from shared.arrays import DoubleArray
@@ -31,4 +29,4 @@ class SteadyWhite:
             self._logarithm = seen if self._logarithm is None else self._logarithm + _FOLLOWS * (seen - self._logarithm)
         if self._logarithm is None:
             return mosaic
-        return replace(mosaic, calibration=balanced(calibration, np.exp(self._logarithm), estimated=True))
+        return mosaic.calibrated(balanced(calibration, np.exp(self._logarithm), estimated=True))

@@ -216,7 +216,7 @@ def stages(name: str, rounds: int = 9) -> None:
     """Print the processor time of each step."""
     layout, frames = camera_frames(name)
     sensor = Sensor(layout, CfaPattern.bayer(), SensorCalibration.of_bits(BITS[name], headroom=False))
-    data = memoryview(bytearray(frames[0].tobytes()))
+    data = memoryview(frames[0].tobytes())
     frame = RawFrame.now(data)
     mosaic = sensor.mosaic(frame)
     balance = SteadyWhite()

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,28 @@ def test_views_in_any_order_are_read_as_they_look() -> None:
     mosaic = Mosaic(wide.T[::-1, ::2], PATTERN, CALIBRATION)
     assert np.array_equal(mosaic.samples, wide.T[::-1, ::2])
     assert mosaic.samples.flags.c_contiguous
+
+
+def test_codes_that_nobody_can_change_are_not_copied() -> None:
+    wide = codes()
+    for part in (wide[:, :7], wide[::-1, ::-1]):
+        assert not np.shares_memory(Mosaic(part, PATTERN, CALIBRATION).samples, wide)
+    wide.flags.writeable = False
+    assert np.shares_memory(Mosaic(wide[:, :7], PATTERN, CALIBRATION).samples, wide)
+    assert Mosaic(wide[::-1, ::-1], PATTERN, CALIBRATION).samples.flags.c_contiguous
+    assert Mosaic(np.frombuffer(wide.tobytes(), np.uint16).reshape(SHAPE), PATTERN, CALIBRATION).samples.base is not None
+    assert Mosaic(np.frombuffer(bytearray(wide), np.uint16).reshape(SHAPE), PATTERN, CALIBRATION).samples.base is None
+
+
+def test_another_calibration_has_to_fit_too() -> None:
+    mosaic = Mosaic(codes(), PATTERN, CALIBRATION)
+    other = mosaic.calibrated(replace(CALIBRATION, black_level=(90.0,) * 4))
+    assert other.samples is mosaic.samples
+    assert np.array_equal(other.signal, Mosaic(codes(), PATTERN, other.calibration).signal)
+    with pytest.raises(InputError, match="different sensors"):
+        mosaic.calibrated(SensorCalibration.of_bits(12, channels="XY", gamma=(1.0, 1.0)))
+    with pytest.raises(InputError, match="more than the calibration's 10 bits"):
+        mosaic.calibrated(SensorCalibration.of_bits(10))
 
 
 @pytest.mark.parametrize(

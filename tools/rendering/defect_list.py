@@ -42,4 +42,4 @@ def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
                 "it belongs to another sensor, or has columns before rows"
             )
     calibration = replace(mosaic.calibration, defects=mosaic.calibration.defects + places)
-    return Mosaic(mosaic.samples, mosaic.pattern, calibration, mosaic.metadata)
+    return mosaic.calibrated(calibration)

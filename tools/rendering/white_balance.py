@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,11 +63,11 @@ class WhiteBalance:
                 raise InputError(
                     'too dark, too bright or too small to estimate the white balance; give `wb="camera"` or multipliers'
                 )
-            return replace(mosaic, calibration=balanced(calibration, np.array(neutral), estimated=True))
+            return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
             raise InputError(f"`wb` has {count} multipliers, expected one for each channel of the sensor: {channels}")
-        return replace(mosaic, calibration=balanced(calibration, 1 / np.array(self.multipliers)))
+        return mosaic.calibrated(balanced(calibration, 1 / np.array(self.multipliers)))
 
 
 AS_SHOT = WhiteBalance()

@@ -151,6 +151,27 @@ def test_a_stream_is_cut_into_its_frames(piece: int) -> None:
     assert all(frame.taken.utcoffset() is not None for frame in read)
 
 
+def test_words_are_not_copied_where_nobody_can_change_them() -> None:
+    layout = FrameLayout(5, 3, "u16", 12)
+    data = np.arange(36, dtype=np.uint8)
+    assert np.shares_memory(layout.unpack(data.data.toreadonly()), data)
+    for other, reads in ((layout, data.data), (FrameLayout(5, 3, "u16be", 12), data.data.toreadonly())):
+        assert not np.shares_memory(other.unpack(reads), data)
+
+
+def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
+    layout, sent = FrameLayout(5, 3, "u16", 12), [bytes([number] * 36) for number in range(8)]
+    kept, places = [], []
+    for number, frame in enumerate(read_frames(Pieces(b"".join(sent), 50), layout)):
+        codes = layout.unpack(frame.data)
+        places.append(codes.ctypes.data)
+        if number % 2:
+            kept.append(codes)
+        del frame, codes
+    assert [np.unique(codes).tolist() for codes in kept] == [[number * 257] for number in (1, 3, 5, 7)]
+    assert len(set(places)) < len(places)
+
+
 def collect(stream: Pieces) -> tuple[list[RawFrame], str]:
     """The frames before the error, and the error."""
     read: list[RawFrame] = []
