@@ -337,7 +337,7 @@ BEST = RenderSettings(
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
-    propagation=PropagationSettings(softness=0.25),
+    propagation=PropagationSettings(softness=1.0),  # 0.25 loses 0.03 dB in whole photographs, 2.5 gains 0.01 dB more
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
 ).switched(True)
 UNLEARNED = replace(BEST, learned=PAPER.learned, luminance=replace(BEST.luminance, learned=False))

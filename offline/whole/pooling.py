@@ -33,6 +33,8 @@ _EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks wh
 # Keeps products of the least weights from becoming subnormal numbers, which take processors twenty times as long; a power of two
 # changes no digit of a sum.
 _LIFT = np.float32(2**24)
+# Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a photograph's median then loses 0.12 dB.
+_SURER = 0.25
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours fade; with 0.6, noise grows.
 _APART = 0.42
 
@@ -65,6 +67,8 @@ def pool_blocks(
         sums[:channels] += others.weight.transpose(2, 0, 1) / variances
         sums[channels:] += others.product.transpose(2, 0, 1) / variances
     expected, level = _solved(smoothed(sums, _EXPECTED), gamma), frame.level
+    surer = np.bincount(sites.channels).astype(np.float32)[:, None, None]
+    surer = (surer / surer.mean()) ** np.float32(_SURER)
     variance, brightness = np.empty_like(light), light  # in its place, for memory
 
     def told(rows: slice) -> None:
@@ -76,7 +80,7 @@ def pool_blocks(
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.pad(_LIFT * np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
         spare = [np.zeros_like(variance)] * (-channels % CHANNELS)
-        features = np.stack([*smoothed(chromaticity, blur), *spare, (2 * tolerance) * variance, brightness])
+        features = np.stack([*smoothed(surer * chromaticity, blur), *spare, (2 * tolerance) * variance, brightness])
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)

@@ -74,6 +74,7 @@ def pool(
     coarse: DoubleArray,
     sums: tuple[DoubleArray, DoubleArray, DoubleArray],
     gamma: tuple[float, ...],
+    pattern: CfaPattern,
     passes: tuple[tuple[float, float, int], ...],
     light: float,
 ) -> DoubleArray:
@@ -85,6 +86,8 @@ def pool(
     light: standard deviation of the Gaussian weight of log luminance.
     """
     weight, product, luminance = sums
+    count = np.bincount([channel for _, _, channel in pattern.sites])
+    surer = (count / count.mean()) ** 0.5  # of squared differences
     variance = 1 / weight.mean(axis=2)
     brightness = np.log(np.maximum(luminance, 1e-3))
     places = list(np.ndindex(*luminance.shape))
@@ -101,7 +104,7 @@ def pool(
                 down, right = abs(there[0] - here[0]), abs(there[1] - here[1])
                 if max(down, right) > radius:
                     continue
-                alike = ((smooth[there] - smooth[here]) ** 2).sum() / (2 * tolerance * (variance[there] + variance[here]))
+                alike = (surer * (smooth[there] - smooth[here]) ** 2).sum() / (2 * tolerance * (variance[there] + variance[here]))
                 alike += (brightness[there] - brightness[here]) ** 2 / (2 * light**2)
                 alike += (down**2 + right**2) / (2 * (radius / 1.5) ** 2)
                 weights += math.exp(-alike) * weight[there]
