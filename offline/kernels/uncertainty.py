@@ -72,8 +72,8 @@ def uncertainty(
     """Standard deviations of the errors of some rows of a picture, in units of luminance.
 
     light: luminance of a part of a picture, (rows, W).
-    known: (3, rows, W), variance of the noise and of the grain (see `Uncertainty`), and the squared correction of luminance at
-        colour sites; -1 elsewhere.
+    known: (3, rows, W), variance of the noise and of the grain (see `Uncertainty`), and how far luminance was corrected at colour
+        sites; -1 elsewhere.
     shares: gamma_i times chromaticity i, (C, rows, W).
     blocks: the same of all blocks, (C, block rows, block columns).
     columns: column of blocks to the left of each pixel, and how far it is from there to the next, 0 to 1.
@@ -91,10 +91,10 @@ def uncertainty(
         here = row + first
         _narrow(light, here, (sums, total, squares), level)
         for x in range(width):
-            noise, grain, moved, contrast = known[0, here, x], known[1, here, x], known[2, here, x], level[x]
-            own = noise * grain / max(noise + grain, _LEAST)
-            v = weights[0, 0] * noise + weights[0, 1] * (noise * contrast / max(noise + contrast, _LEAST)) + weights[0, 2] * own
-            filled = weights[0, 3] * contrast + weights[0, 4] * grain + weights[0, 5] * moved
+            noise, grain, moved, contrast = known[0, here, x], known[1, here, x], known[2, here, x], np.sqrt(level[x])
+            own, share = noise * grain / max(noise + grain, _LEAST), contrast / max(np.sqrt(noise) + contrast, _LEAST)
+            v = weights[0, 0] * noise + weights[0, 1] * noise * share + weights[0, 2] * own
+            filled = weights[0, 3] * level[x] + weights[0, 4] * grain + weights[0, 5] * contrast * moved
             found[x] = np.sqrt(v + (filled if moved >= _NONE else _NONE))
         for x in range(width):
             out[row, x, 0] = found[x]

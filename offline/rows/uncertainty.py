@@ -29,11 +29,12 @@ from ..settings import RenderSettings
 from ..units import scaled
 from ..whole.noise import estimate_noise
 
-# By `python -m tools.evaluation.uncertainty`, from every second one of the 14 test photographs. Of luminance: noise; noise and
-# contrast in parallel (a b / (a + b)); noise and grain in parallel; and at colour sites contrast, grain, squared correction. Of
-# colour: noise; grain; variance of chromaticity in 7 x 7 pixels times squared luminance; squared distance from the colour between
-# the blocks; contrast; root of the first times the third. Contrast is the variance of luminance in 3 x 3 pixels.
-WEIGHTS = ((0.053, 0.43, 0.74, 0.02, 0.86, 2.9), (0.0091, 0.23, 0.94, 0.56, 0.0034, 0.45))
+# By `python -m tools.evaluation.uncertainty`, from every second one of the 14 test photographs. Of luminance: noise; noise times
+# the share of contrast in the sum of both (standard deviations); noise and grain in parallel (a b / (a + b)); and at colour sites
+# contrast, grain, contrast times correction (standard deviations). Of colour: noise; grain; variance of chromaticity in 7 x 7
+# pixels times squared luminance; squared distance from the colour between the blocks; contrast; root of the first times the third.
+# Contrast is the variance of luminance in 3 x 3 pixels.
+WEIGHTS = ((0.029, 0.46, 0.95, 0.0056, 0.9, 0.66), (0.0081, 0.22, 0.42, 0.56, 0.0046, 0.33))
 # An estimate of noise from the shot is this much higher than the noise by chance, or by texture: measured at sigma 0.03.
 _CHANCE = 1.1
 # Frames of a burst lie fractions of a pixel apart, so that luminance gains less from them than their noise does; and they show
@@ -98,7 +99,7 @@ class Uncertainty(RowStage):
         known[2] = -1
         for _, rest, across in measured.pattern.lattices:
             down = slice((rest.start - part.first) % grid.period, None, grid.period)
-            known[2, down, across] = np.square(light[down, across] - measured.luminance[held][down, across])
+            known[2, down, across] = np.abs(light[down, across] - measured.luminance[held][down, across])
         middle = [(size - 1) / 2 for size in grid.block_shape]
         place = (np.arange(light.shape[1]) - grid.columns[0] - middle[1]) / grid.period
         left = place.clip(0, grid.shape[1] - 1).astype(np.intp)

@@ -27,8 +27,8 @@ def uncertainty(
         wide = [row for row in range(y - 3, y + 4, 2) if 0 <= row < height], slice(max(x - 3, 0), x + 4)
         light, noise, grain = (float(plane[y, x]) for plane in (luminance, *variances))
         contrast = float(luminance[near].var())
-        parts = [noise, parallel(noise, contrast), parallel(noise, grain)]
-        parts += [0.0, 0.0, 0.0] if panchromatic[y, x] else [contrast, grain, (light - float(before[y, x])) ** 2]
+        parts = [noise, noise**0.5 * parallel(noise**0.5, contrast**0.5), parallel(noise, grain)]
+        parts += [0.0, 0.0, 0.0] if panchromatic[y, x] else [contrast, grain, contrast**0.5 * abs(light - float(before[y, x]))]
         found[y, x, 0] = np.dot(weights[0], parts) ** 0.5
         between = at(blocks, pattern, luminance.shape, y, x) * gamma
         for i in range(count):

@@ -1,13 +1,14 @@
 """Learn the weights of `offline.rows.uncertainty`: `python -m tools.evaluation.uncertainty PHOTOGRAPH...`.
 
-Parts of photographs are simulated and rendered. Weights are those with which 68 % of the errors lie within one and 95 % within two
-stated deviations: both are quantiles of the error divided by what is stated, and the fit minimises the loss of quantile regression
-(Koenker and Bassett 1978) in its logarithm. Flat places, edges and fine colour count the same, with noise and without.
+Whole photographs are simulated, without noise and with some, and rendered. Weights are those with which 68 % of the errors lie
+within one and 95 % within two stated deviations: both are quantiles of the error divided by what is stated, and the fit minimises
+the loss of quantile regression (Koenker and Bassett 1978) in its logarithm. Each noise counts the same; and in it flat places, most
+of what there is, twice as much as edges and fine colour: once for themselves, once for the picture.
 """
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,10 +26,10 @@ from tools.scenes.load import load_scene
 from .coverage import KINDS, kinds
 from .metrics import BORDER
 
-_SIDE, _PIXELS = 300, 5000  # of a part of a photograph: its side, about, and pixels taken of it
+_SHARE = 0.1  # of the pixels
 _WITHIN = 0.6827, 0.9545  # of a normal distribution: within one and two standard deviations
-_COUNTS = 1.0, 1.5  # of the two; chosen: errors have longer tails than that, and both shares are then off by about as much
-_SIGMAS = (0.003, 0.04)  # of the noise, drawn logarithmically; a third of the shots have none
+_SIGMAS = (0.0, 0.01, 0.03)  # of the noise; between them coverage lies between (measured)
+_COUNTS = 2.0, 1.0, 1.0  # of the kinds of place
 _LEAST = 1e-12  # of a variance
 _ROUNDED = 0.05  # of a logarithm: the corner of the loss
 
@@ -41,8 +42,8 @@ class Errors(NamedTuple):
     kinds: IndexArray
 
 
-def errors_of(mosaic: Mosaic, scene: FloatArray, random: np.random.Generator) -> tuple[Errors, Errors]:
-    """The errors of luminance and of colour of some pixels of a rendered shot; gamma is 1. scene: the truth, (H, W, C)."""
+def errors_of(mosaic: Mosaic, scene: FloatArray, share: float, random: np.random.Generator) -> tuple[Errors, Errors]:
+    """The errors of luminance and of colour of a share of a rendered shot's pixels; gamma is 1. scene: the truth, (H, W, C)."""
     measured = measure(mosaic, BEST)
     part = Part.joined(list(parts_of(measured, BEST)))
     inner = (slice(BORDER, -BORDER),) * 2
@@ -50,7 +51,7 @@ def errors_of(mosaic: Mosaic, scene: FloatArray, random: np.random.Generator) ->
     grey = scene.shape[2]
     colour = (part.chromaticity - np.float32(1 / grey)) * light[..., None] - (scene - true[..., None] / grey)
     wrong = np.concatenate([(light - true)[..., None], colour], axis=2)[inner].reshape(-1, 1 + grey)
-    chosen = random.permutation(len(wrong))[:_PIXELS]
+    chosen = np.flatnonzero(random.random(len(wrong)) < share)
     planes, found = [], Uncertainty.of(mosaic, measured, BEST)
     for weights in np.eye(len(WEIGHTS[0])):
         found.weights = (tuple(weights), tuple(weights))
@@ -64,24 +65,27 @@ def errors_of(mosaic: Mosaic, scene: FloatArray, random: np.random.Generator) ->
     return Errors(errors[known, 0], foretold[known, 0], places[known]), of_colour
 
 
-def fitted(errors: Errors) -> DoubleArray:
-    """The weights, (6,), not negative, with which errors of each kind lie within what is stated as often as they should."""
+def fitted(errors: Errors, counts: Sequence[float]) -> DoubleArray:
+    """The weights, (6,), not negative, with which errors lie within what is stated as often as they should.
+
+    counts: what all errors of a kind count together.
+    """
     from scipy.optimize import minimize
 
     unit = np.sqrt(np.square(errors.foretold).mean(axis=0)) + _LEAST
     scaled, sizes = errors.foretold / unit, np.log(np.abs(errors.errors) + _LEAST**0.5)
-    counts = (1 / np.bincount(errors.kinds).clip(1))[errors.kinds]
-    counts /= counts.sum()
+    each = (np.array(counts) / np.bincount(errors.kinds, minlength=len(counts)).clip(1))[errors.kinds]
+    each /= each.sum()
 
     def loss(logarithms: DoubleArray) -> tuple[float, DoubleArray]:
         weights = np.exp(logarithms)
         variance = scaled @ weights + _LEAST
         value, slope = 0.0, np.zeros(len(sizes))
-        for times, (within, count) in enumerate(zip(_WITHIN, _COUNTS, strict=True), 1):
+        for times, within in enumerate(_WITHIN, 1):
             off = (sizes - np.log(times) - np.log(variance) / 2) / _ROUNDED
-            value += count * float(counts @ (within * off + np.logaddexp(0, -off)))
-            slope += count * (1 / (1 + np.exp(off.clip(-50, 50))) - within)
-        return value, (scaled.T @ (slope * counts / variance)) / (2 * _ROUNDED) * weights
+            value += float(each @ (within * off + np.logaddexp(0, -off)))
+            slope += 1 / (1 + np.exp(off.clip(-50, 50))) - within
+        return value, (scaled.T @ (slope * each / variance)) / (2 * _ROUNDED) * weights
 
     start = np.full(len(unit), np.log(np.square(errors.errors).mean() / len(unit) + _LEAST))
     found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-35, 5)] * len(start))
@@ -97,24 +101,18 @@ def main() -> int:
     with console.progress("uncertainty") as progress:
         progress.stage("photographs", len(arguments.photographs))
         for place, photograph in enumerate(arguments.photographs):
-            for number, scene in enumerate(_parts(load_scene(photograph).rgb)):
-                random = np.random.default_rng((place, number))
-                sigma = float(np.exp(random.uniform(*np.log(_SIGMAS)))) if number % 3 else 0.0
+            scene = load_scene(photograph).rgb
+            for level, sigma in enumerate(_SIGMAS):
+                random = np.random.default_rng((place, level))
                 shot = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, random)
-                for each, errors in zip(found, errors_of(shot, scene, random), strict=True):
-                    each.append(errors._replace(kinds=errors.kinds + len(KINDS) * (sigma > 0)))
+                for each, errors in zip(found, errors_of(shot, scene, _SHARE, random), strict=True):
+                    each.append(errors._replace(kinds=errors.kinds + len(KINDS) * level))
             progress.advance()
-    learned = [fitted(Errors(*map(np.concatenate, zip(*each, strict=True)))) for each in found]
+    counts = _COUNTS * len(_SIGMAS)
+    learned = [fitted(Errors(*map(np.concatenate, zip(*each, strict=True))), counts) for each in found]
     rows = (", ".join(f"{weight:.2g}" for weight in weights) for weights in learned)
     console.say(f"WEIGHTS = ({', '.join(f'({row})' for row in rows)})")
     return 0
-
-
-def _parts(rgb: FloatArray) -> Iterator[FloatArray]:
-    """All parts of a photograph, each three times."""
-    for rows in np.array_split(rgb, max(len(rgb) // _SIDE, 1)):
-        for part in np.array_split(rows, max(rgb.shape[1] // _SIDE, 1), axis=1):
-            yield from [np.ascontiguousarray(part)] * 3
 
 
 if __name__ == "__main__":
