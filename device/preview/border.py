@@ -5,14 +5,13 @@ panchromatic too. Every other pixel takes the nearest sample at the same place o
 outside, or is cut by the edge, repeats the nearest one inside.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import BoolArray, CodeArray, IndexArray, mirrored
+from shared.arrays import CodeArray, IndexArray, mirrored
 from shared.pattern import CfaPattern
 
 Span = tuple[int, int]
@@ -49,27 +48,36 @@ class ExtendedFrame:
 
 def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> CodeArray:
     """Samples at rows x columns, which lie partly or wholly outside the frame."""
-    images, nearest, clear = _places(pattern, (codes.shape[0], codes.shape[1]), rows, columns)
-    return np.where(clear, _take(codes, images), _take(codes, nearest))
+    images, others, nearest = _places(pattern, (codes.shape[0], codes.shape[1]), rows, columns)
+    samples = codes[images[0]][:, images[1]].copy()
+    samples[others] = codes[nearest]
+    return samples
 
 
 @lru_cache(maxsize=4)  # the four sides of the frames of one stream
 def _places(
     pattern: CfaPattern, shape: tuple[int, int], rows: Span, columns: Span
-) -> tuple[list[IndexArray], list[IndexArray], BoolArray]:
-    """(mirror images, nearest places of the same filter), each rows and columns, and whether the image takes the place."""
+) -> tuple[list[slice | IndexArray], tuple[IndexArray, ...], tuple[IndexArray, ...]]:
+    """Rows and columns of the mirror images, of the places that do not take theirs (within rows x columns), and of what they take.
+
+    Looking up the few others is faster than choosing between two samples everywhere.
+    """
     places = np.arange(*rows), np.arange(*columns)
     images = [mirrored(place, size) for place, size in zip(places, shape, strict=True)]
-    nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, shape, strict=True)]
     tile = pattern.filter_map((pattern.period, pattern.period)) == len(pattern.channels)
     clear, clear_image = (tile[np.ix_(*(axis % pattern.period for axis in axes))] for axes in (places, images))
-    return images, nearest, clear & clear_image
+    others = np.nonzero(~(clear & clear_image))
+    nearest = (_repeated(place[index], size, pattern.period) for place, index, size in zip(places, others, shape, strict=True))
+    return [_run(image) for image in images], others, tuple(nearest)
 
 
-def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
-    """Samples at rows x columns. Indexing by the shorter list first is many times faster than by both at once."""
-    rows, columns = places
-    return codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
+def _run(places: IndexArray) -> slice | IndexArray:
+    """Places that follow one another, up or down, as a slice: ten times as fast as a list."""
+    steps = np.unique(np.diff(places))
+    if len(steps) != 1 or abs(step := int(steps[0])) != 1:
+        return places
+    end = int(places[-1]) + step
+    return slice(int(places[0]), end if end >= 0 else None, step)
 
 
 def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
