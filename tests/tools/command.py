@@ -38,16 +38,17 @@ class Outcome:
         return [json.loads(line) for line in self.out.splitlines()]
 
 
-def run(*arguments: str | Path) -> Outcome:
-    """Run a command in this process."""
+def run(*arguments: str | Path, code: int | None = None) -> Outcome:
+    """Run a command in this process. code: the exit code to insist on; None: any."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             main([str(argument) for argument in arguments])
         except SystemExit as leaving:
-            code = leaving.code
-    assert isinstance(code, int)
-    return Outcome(code, out.getvalue(), err.getvalue())
+            left = leaving.code
+    assert isinstance(left, int)
+    assert left == code or code is None, err.getvalue()
+    return Outcome(left, out.getvalue(), err.getvalue())
 
 
 def start(*arguments: str | Path, before: tuple[str, ...] = (), **options: Any) -> "subprocess.Popen[str]":
@@ -65,10 +66,11 @@ def file_limit(size: int) -> Callable[[], None]:
     return partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
 
 
-def spawn(*arguments: str | Path, **options: Any) -> Outcome:
-    """A command in a process of its own, run to its end. options: of `start`."""
+def spawn(*arguments: str | Path, code: int | None = None, **options: Any) -> Outcome:
+    """A command in a process of its own, run to its end. code: as in `run`; options: of `start`."""
     process = start(*arguments, **options)
     out, err = process.communicate(timeout=120)
+    assert process.returncode == code or code is None, err
     return Outcome(process.returncode, out, err)
 
 

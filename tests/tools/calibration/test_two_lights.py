@@ -48,8 +48,7 @@ def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
     lights = [word for light in ("A", "D65") for word in ("--chart-light", light.lower(), str(folder / f"{light}.dng"))]
-    outcome = run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder)
-    assert outcome.code == 0, outcome.err
+    run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
     return request.param, folder
 
 
@@ -117,7 +116,7 @@ def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(benc
     balance = ",".join(map(str, white / white.min()))
     words: list[str | Path] = ["--camera", folder / "camera.json", "--wb", balance, "--preset", "paper"]
     for kind in ("png", "dng"):
-        assert run("render", shot, "-o", tmp_path / kind, "-f", kind, *words).code == 0
+        run("render", shot, "-o", tmp_path / kind, "-f", kind, *words, code=0)
     with rawpy.imread(str(tmp_path / "dng" / "shot.dng")) as raw:
         theirs = raw.postprocess(gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16)
     ours = imagecodecs.png_decode((tmp_path / "png" / "shot.png").read_bytes())
@@ -158,6 +157,6 @@ def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(bench: tuple
 def test_a_chart_under_one_light_takes_the_place_of_two(bench: tuple[str, Path], tmp_path: Path) -> None:
     _, folder = bench
     output = Path(shutil.copy(folder / "camera.json", tmp_path))
-    assert run("calibrate", folder / "A.dng", "-o", output, "--update").code == 0
+    run("calibrate", folder / "A.dng", "-o", output, "--update", code=0)
     assert read_camera(output).calibration.lights is None
     assert read_camera(output).calibration.neutral is not None

@@ -22,8 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     options = ("--period", "4", "--sensor-bits", "12", f"--aberration={LENS[0]},{LENS[1]}")
     taken(folder, "shots/Edges/1.dng", f"chart:{SIZE}", *options)
     taken(folder, "shots/edges2.dng", f"chart:{SIZE}", *options, "--seed", "1", focal=35.0, aberration=None)
-    outcome = run("calibrate", folder / "shots", "-o", folder / "camera.json", "--report", folder, "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = run("calibrate", folder / "shots", "-o", folder / "camera.json", "--report", folder, "--json", code=0)
     assert [record["kind"] for record in outcome.records[:-1]] == ["edges", "edges"]
     assert "lateral chromatic aberration: R +" in outcome.err
     return folder
@@ -46,8 +45,7 @@ def test_impossible_lenses_are_usage(option: str, texts: tuple[str, ...], tmp_pa
 
 
 def test_a_lens_that_is_too_strong_for_a_small_frame_is_refused(tmp_path: Path) -> None:
-    outcome = run("simulate", "flat:60x40", "-o", tmp_path, "--aberration", "3,0")
-    assert outcome.code == 1
+    outcome = run("simulate", "flat:60x40", "-o", tmp_path, "--aberration", "3,0", code=1)
     assert "flat:60x40: --aberration is 3,0: the most in a frame of 60 x 40 pixels is 1.8" in outcome.err
 
 
@@ -66,14 +64,12 @@ def test_edges_make_a_camera_file_that_keeps_it(folder: Path) -> None:
 def test_a_copy_of_a_shot_tells_nothing_more_and_a_shot_without_edges_nothing(folder: Path, tmp_path: Path) -> None:
     path, copy, output = folder / "shots" / "edges2.dng", tmp_path / "copy.dng", tmp_path / "camera.json"
     copy.write_bytes(path.read_bytes())
-    outcome = run("calibrate", "--edges", path, path, copy, "-o", output)
-    assert outcome.code == 1
+    outcome = run("calibrate", "--edges", path, path, copy, "-o", output, code=1)
     assert f"copy.dng: it is the same shot as {path}" in outcome.err
     known = read_camera(output)
     assert known.measured["aberration"]["shots"] == 1
     flat = taken(tmp_path, "flat.dng", f"flat:{SIZE}", "--period", "4", "--light", "0.5")
-    outcome = run("calibrate", "--edges", flat, "-o", output, "--update", "--json")
-    assert outcome.code == 1
+    outcome = run("calibrate", "--edges", flat, "-o", output, "--update", "--json", code=1)
     assert "it has hardly any edges" in outcome.records[0]["error"]
     assert "no frame could be used, and no camera file was written" in outcome.err
     assert "no chromatic aberration was measured, and the one before is kept" in outcome.err

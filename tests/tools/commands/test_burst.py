@@ -30,7 +30,7 @@ def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A burst of three noisy frames of the built-in scene, with its true motion."""
     folder = tmp_path_factory.mktemp("burst")
     options = ("--burst", "3", "--motion", "2", "--rotation", "0.3", "--sigma", "0.01", "--reduce", "2", "--truth")
-    assert run("simulate", STEM.replace("-", ":"), "-o", folder, *options).code == 0
+    run("simulate", STEM.replace("-", ":"), "-o", folder, *options, code=0)
     return folder
 
 
@@ -49,17 +49,14 @@ def frame(folder: Path, number: int) -> Path:
 
 
 def merged(folder: Path, out: Path, *options: str) -> Outcome:
-    outcome = run("burst", folder, "-o", out, "--preset", "unlearned", *options)
-    assert outcome.code == 0, outcome.err
-    return outcome
+    return run("burst", folder, "-o", out, "--preset", "unlearned", *options, code=0)
 
 
 # --- what is made ---------------------------------------------------------------------------------------------------------------
 
 
 def test_the_command_gives_what_the_library_gives(taken: Path, out: Path) -> None:
-    outcome = run("burst", taken, "-o", out, *MEASURED, "--reference", frame(taken, 2))
-    assert outcome.code == 0, outcome.err
+    outcome = run("burst", taken, "-o", out, *MEASURED, "--reference", frame(taken, 2), code=0)
     assert results(out) == {f"{STEM}.tif"}
     burst = merge_burst([read_dng(frame(taken, number)) for number in (1, 2, 3)], UNLEARNED, reference=1)
     made = tifffile.imread(out / f"{STEM}.tif")
@@ -112,8 +109,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     for sign in (1, -1):
         shifts = [f"{sign * x},{sign * y}" for x, y in places]
         shots = [tmp_path / f"step-{number}.dng" for number in range(1, 10)]
-        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", *shifts)
-        assert outcome.code == 0, outcome.err
+        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", *shifts, code=0)
         assert outcome.records[0]["reference"] == str(shots[0])
         found[sign] = psnr(tifffile.imread(out / "step.tif"), scene[:120, :170])
     alone = psnr(render(read_dng(tmp_path / "step-1.dng"), UNLEARNED).rgb, scene[:120, :170])
@@ -131,8 +127,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     ],
 )
 def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("burst", taken, "-o", tmp_path / "new", *options)
-    assert outcome.code == 2
+    outcome = run("burst", taken, "-o", tmp_path / "new", *options, code=2)
     assert words in outcome.err.splitlines()[-1]
     assert names(tmp_path) == set()
 
@@ -142,8 +137,7 @@ def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, o
 
 def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
     shutil.copy(frame(frames, 1), frames / "rose-1.dng")
-    outcome = run("burst", frames, "-o", out)
-    assert outcome.code == 2
+    outcome = run("burst", frames, "-o", out, code=2)
     assert "rose-1.dng; name the files of one" in outcome.errors[0]
     assert names(out) == set()
 
@@ -160,8 +154,8 @@ def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) ->
     assert f"{odd}: is left out: it has 70 x 60 pixels, the others " in outcome.err
     (record,) = outcome.records
     assert [each["used"] for each in record["frames"]] == [True, True, True, False]
-    outcome = run("burst", frames, "-o", out, "--reference", odd, "--overwrite", "--preset", "unlearned")  # then the others are odd
-    assert outcome.code == 0
+    # Now the others are odd.
+    outcome = run("burst", frames, "-o", out, "--reference", odd, "--overwrite", "--preset", "unlearned", code=0)
     assert outcome.err.count("is left out: it has ") == 3
     assert f"{odd}: is the only frame that is left; the picture is that of one shot" in outcome.err
 
@@ -217,8 +211,7 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
     outcome = merged(frames, out, "--overwrite", "--reference", str(copies[0]))
     assert f"{frame(frames, 2)}: is left out: it is a copy of {copies[0]}: " in outcome.err
     assert f"3 of 5 frames, reference {copies[0].name}" in outcome.out
-    outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--preset", "unlearned")
-    assert outcome.code == 0
+    outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--preset", "unlearned", code=0)
     assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
 
 
@@ -230,7 +223,7 @@ def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: 
     assert f"{frame(frames, 1)}: is the only frame that is left; the picture is that of one shot" in outcome.err
     page = (out / f"{STEM}.html").read_text()
     assert ("1 of 3 frames are in the picture" in page, "They are the same." in page) == (True, True)
-    assert run("render", frame(frames, 1), "-o", tmp_path / "one", "--preset", "unlearned").code == 0
+    run("render", frame(frames, 1), "-o", tmp_path / "one", "--preset", "unlearned", code=0)
     assert (out / f"{STEM}.tif").read_bytes() == (tmp_path / "one" / f"{STEM}-1.tif").read_bytes()
 
 
@@ -238,8 +231,7 @@ def test_no_frame_is_left(tmp_path: Path, out: Path) -> None:
     shots = [tmp_path / "a-1.dng", tmp_path / "a-2.dng"]
     for shot in shots:
         shot.write_text("no picture")
-    outcome = run("burst", tmp_path, "-o", out)
-    assert outcome.code == 1
+    outcome = run("burst", tmp_path, "-o", out, code=1)
     assert outcome.errors == [f"panchroma: {shots[0]}: none of the 2 frames can be used"]
     assert names(out) == set()
     assert all(str(shot) in outcome.err for shot in shots)
@@ -283,8 +275,7 @@ def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
 
 
 def test_a_dry_run_makes_nothing(taken: Path, tmp_path: Path) -> None:
-    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report", tmp_path / "page")
-    assert outcome.code == 0
+    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report", tmp_path / "page", code=0)
     assert outcome.out == f"{frame(taken, 1)} -> {tmp_path / 'new' / STEM}.tif\n"
     assert names(tmp_path) == set()
 

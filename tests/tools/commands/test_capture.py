@@ -31,12 +31,12 @@ def frame(seed: int) -> bytes:
     return pack(random_codes(SIZE, 12, seed), "raw12", 64)
 
 
-def run(*arguments: str | Path) -> Outcome:
+def run(*arguments: str | Path, code: int | None = None) -> Outcome:
     """The command, run in this process."""
-    return command("capture", *arguments)
+    return command("capture", *arguments, code=code)
 
 
-def piped(data: bytes, *arguments: str) -> Outcome:
+def piped(data: bytes, *arguments: str, code: int | None = None) -> Outcome:
     """The command with a pipe as standard input."""
     reading, writing = os.pipe()
 
@@ -47,7 +47,7 @@ def piped(data: bytes, *arguments: str) -> Outcome:
     feeding = threading.Thread(target=feed)
     feeding.start()
     with os.fdopen(reading, "rb") as pipe, patch("sys.stdin", pipe):
-        outcome = run("-", *arguments)
+        outcome = run("-", *arguments, code=code)
     feeding.join()
     return outcome
 
@@ -63,8 +63,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
-    done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(tmp_path / "latest"))
-    assert done.code == 0, done.err
+    latest = tmp_path / "latest"
+    done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(latest), code=0)
     records = [json.loads(line) for line in done.out.splitlines()]
     assert [record["output"] for record in records] == [str(path) for path in shots(out)]
     assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in records)
@@ -73,15 +73,14 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
         mosaic = read_dng(path)
         assert np.array_equal(mosaic.codes, random_codes(SIZE, 12, seed))
         assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
-    assert (tmp_path / "latest").resolve() == shots(out)[-1]
+    assert latest.resolve() == shots(out)[-1]
     lines = done.err.splitlines()
     assert "no --camera: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
     assert lines[-1] == "3 saved, 0 dropped"
 
 
 def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> None:
-    done = piped(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, "--wait")
-    assert done.code == 1
+    done = piped(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, "--wait", code=1)
     assert len(shots(out)) == 2
     assert "ended in the middle of a frame, 100 bytes after 2 whole ones" in done.err
     assert done.err.endswith("2 saved, 0 dropped, 1 failed\n")
@@ -117,13 +116,11 @@ def shown(stride: int = 0) -> bytes:
     ],
 )
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
-    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait")
-    assert done.code == 1
+    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", code=1)
     assert words in done.err
     assert "If the description is right, add --unchecked" in done.err
     assert shots(out) == []
-    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", "--unchecked")
-    assert done.code == 0
+    piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", "--unchecked", code=0)
     assert len(shots(out)) == len(data) // (96 * 192)
 
 
@@ -170,7 +167,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
 
     monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: interrupted)
     before = signal.getsignal(number)
-    assert run("builtin:64x48@50", "-o", out).code == code
+    run("builtin:64x48@50", "-o", out, code=code)
     assert len(shots(out)) == 1
     read_dng(shots(out)[0])
     assert [path.suffix for path in out.iterdir()] == [".dng"]
@@ -178,7 +175,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
 
 
 def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
-    assert run("builtin:96x64@50", "-o", out, "--frames", "3", "--period", "4", "--origin", "1", "2").code == 0
+    run("builtin:96x64@50", "-o", out, "--frames", "3", "--period", "4", "--origin", "1", "2", code=0)
     one, two, three = (read_dng(path) for path in shots(out))
     assert one.shape == (64, 96)
     assert one.pattern.period == 4
@@ -205,8 +202,7 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
     camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(camera.to_json()))
-    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file))
-    assert done.code == 0
+    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file), code=0)
     assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
     assert "no --camera" not in done.err
 
@@ -233,25 +229,21 @@ def test_what_is_asked_in_vain_is_told_at_once(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("camera.json").write_text(json.dumps(Camera(SensorCalibration.of_bits(12)).to_json()))
-    outcome = run(*arguments, "-o", out)
-    assert outcome.code == 2
+    outcome = run(*arguments, "-o", out, code=2)
     assert words in outcome.err
     assert list(out.iterdir()) == []
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
-    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2")
-    assert done.code == 1
+    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2", code=1)
     assert "-: ended after 1 of 2 shots" in done.err
     assert len(shots(out)) == 1
 
 
 def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -> None:
     data = b"".join(coloured_light(light).codes.astype("<u2").tobytes() for light in (LIGHT, (1.0, 0.7, 0.3), LIGHT))
-    done = piped(
-        data, "-o", str(out), "--width", "200", "--height", "150", "--pixel-format", "u16", "--sensor-bits", "12", "--wait"
-    )
-    assert done.code == 0, done.err
+    layout = ("--width", "200", "--height", "150", "--pixel-format", "u16", "--sensor-bits", "12")
+    piped(data, "-o", str(out), *layout, "--wait", code=0)
     neutrals = [read_dng(path).calibration.neutral for path in shots(out)]
     assert np.allclose(np.array(neutrals), LIGHT, atol=0.09)
     first = shots(out)[0]
@@ -259,8 +251,7 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
 
 
 def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:
-    done = piped(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12")
-    assert done.code == 0
+    done = piped(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12", code=0)
     assert done.err.endswith("12 saved, 0 dropped\n")
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
     assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
@@ -273,8 +264,7 @@ def test_a_folder_s_frames_become_shots_and_stay(out: Path, tmp_path: Path) -> N
     folder.mkdir()
     (folder / "0.raw").write_bytes(frame(0)[:-1])
     threading.Timer(0.5, lambda: (folder / "1.raw").write_bytes(frame(1))).start()
-    heard = run(folder, "-o", out, *LAYOUT, "--frames", "1")
-    assert heard.code == 1  # one is no frame
+    heard = run(folder, "-o", out, *LAYOUT, "--frames", "1", code=1)  # one is no frame
     assert sorted(path.name for path in folder.iterdir()) == ["0.raw", "1.raw"]
     assert [read_dng(path).codes.tobytes() for path in shots(out)] == [random_codes(SIZE, 12, 1).tobytes()]
     assert "0.raw: 1279 bytes are not a frame" in heard.err
@@ -286,8 +276,7 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     """`calibrate --dark` needs them; without the options frames are refused."""
     levels = np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16)
     data = pack(levels, "raw12", 0) * 2
-    assert piped(data, "-o", str(out), *DESCRIBED, "--wait").code == 1
-    done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options)
-    assert done.code == 0, done.err
+    piped(data, "-o", str(out), *DESCRIBED, "--wait", code=1)
+    done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options, code=0)
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
     assert (f"black level {black:.0f}" in done.err) == ("--black" not in options)

@@ -42,8 +42,7 @@ def table(outcome: Outcome) -> dict[str, list[float]]:
 
 
 def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
-    outcome = run("demo", "-o", "results", "--sigma", "0.02")
-    assert outcome.code == 0, outcome.err
+    outcome = run("demo", "-o", "results", "--sigma", "0.02", code=0)
     folder = small / "results"
     assert outcome.err.startswith(f"the camera's own preview is ready: {Path('results', 'preview.jpg')}")  # before any compilation
     assert names(folder) == RESULTS
@@ -65,8 +64,7 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
 
 
 def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
-    outcome = run("demo", "--burst", "4", "-o", "results")
-    assert outcome.code == 0, outcome.err
+    outcome = run("demo", "--burst", "4", "-o", "results", code=0)
     folder = small / "results"
     frames = {f"frame-{number}.dng" for number in range(1, 5)}
     assert names(folder) == frames | {"frame.png", "burst.png", "burst.tif", "truth.tif", "comparison.png"}
@@ -88,8 +86,7 @@ def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
 )
 def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str], words: str) -> None:
     (small / "file").write_text("old")
-    outcome = run("demo", *options)
-    assert outcome.code == 2
+    outcome = run("demo", *options, code=2)
     assert len(outcome.err.splitlines()) == 1
     assert outcome.err.startswith(f"panchroma: {words}")
     assert names(small) == {"file"}

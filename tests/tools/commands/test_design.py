@@ -14,8 +14,7 @@ BUDGET = ("--sizes", "3", "--steps", "3", "--share", "0.6", "0.7")
 def test_from_light_to_letters_and_a_page(out: Path) -> None:
     options = ("-o", out, *BUDGET, "--photons", "5000", "50", "--read-noise", "2", "--json")
     slow = ("--photographs", "builtin:120x90", "--crop", "60", "--workers", "1")
-    outcome = run("design", *options, *slow)
-    assert outcome.code == 0, outcome.err
+    outcome = run("design", *options, *slow, code=0)
     best, names = outcome.records[0], [record["name"] for record in outcome.records]
     assert all(read_pattern(record["pattern"]).period == 3 for record in outcome.records if record["name"].isdigit())
     assert {"1", "2", "K=6", "K=4", "kodak"} <= set(names)
@@ -53,6 +52,5 @@ def test_from_light_to_letters_and_a_page(out: Path) -> None:
     ],
 )
 def test_wrong_options_are_named(out: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("design", "-o", out, *options)
-    assert outcome.code == 2
+    outcome = run("design", "-o", out, *options, code=2)
     assert words in outcome.err

@@ -28,8 +28,7 @@ def mixed(tmp_path: Path) -> Path:
 
 def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "--workers", "1", "--json")
-    outcome = run("evaluate", mixed, "builtin:60x60", *options)
-    assert outcome.code == 1
+    outcome = run("evaluate", mixed, "builtin:60x60", *options, code=1)
     assert len(outcome.errors) == 3
     assert all(sum(name in line for line in outcome.errors) == 1 for name in ("empty.cr2", "cut.png", "tiny.npy"))
     assert "mixed: left out notes.txt" in outcome.err
@@ -49,12 +48,10 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert str(mixed) in page  # failures are named in full
 
     # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
-    again = run("evaluate", mixed, *options)
-    assert again.code == 2
+    again = run("evaluate", mixed, *options, code=2)
     assert "evaluation.html: exists already" in again.err
     kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
-    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page")
-    assert more.code == 1
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page", code=1)
     assert "6 results are kept" in more.err
     after = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
     assert {path: after[path] for path in kept} == kept
@@ -64,8 +61,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
 
 def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:
     options = ("-o", tmp_path, "--methods", "paper", "bilinear", "--sigma", "0.01", "--period", "4", "6", "--dry-run")
-    outcome = run("evaluate", mixed / "light.npy", *options)
-    assert outcome.code == 0
+    outcome = run("evaluate", mixed / "light.npy", *options, code=0)
     said = outcome.out.splitlines()
     assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
     assert said[3].startswith("3 results to make, 0 kept")
@@ -77,8 +73,7 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
     light = ("--protocol", "sensor", "--light", "0.25", "--workers", "1", "--no-page", "--json")
     options = ("--methods", "planes", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
-    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6")
-    assert outcome.code == 0
+    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6", code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
     assert (document["protocol"]["kind"], document["protocol"]["levels"]) == ("sensor", [0.25])
@@ -102,7 +97,6 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     ],
 )
 def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
-    outcome = run("evaluate", "builtin:60x60", "-o", tmp_path, *options)
-    assert outcome.code == 2
+    outcome = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, code=2)
     assert said in outcome.err
     assert list(tmp_path.iterdir()) == []

@@ -18,8 +18,7 @@ from tests.tools.command import names, run
 )
 def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: bytes) -> None:
     path = tmp_path / "g.onnx"
-    outcome = run("export-preview", "-o", path, *options.split())
-    assert outcome.code == 0, outcome.err
+    outcome = run("export-preview", "-o", path, *options.split(), code=0)
     assert path.read_bytes() == expected
     assert outcome.out == f"{path}: {len(expected)} bytes\n"
 
@@ -37,8 +36,7 @@ def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: b
 )
 def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str) -> None:
     monkeypatch.chdir(tmp_path)
-    outcome = run("export-preview", *options.split())
-    assert outcome.code == 2
+    outcome = run("export-preview", *options.split(), code=2)
     (line,) = outcome.errors
     assert words in line
     assert names(tmp_path) == set()
@@ -50,5 +48,5 @@ def test_a_graph_is_not_replaced_unasked(tmp_path: Path) -> None:
     outcome = run("export-preview", "-o", path)
     assert (outcome.code, path.read_text()) == (2, "mine")
     assert "--overwrite" in outcome.err
-    assert run("export-preview", "-o", path, "--overwrite").code == 0
+    run("export-preview", "-o", path, "--overwrite", code=0)
     assert path.read_bytes() == build_preview(CfaPattern.bayer(6))

@@ -41,8 +41,7 @@ def test_files_of_every_kind_are_read(tmp_path: Path) -> None:
     write_dng(tmp_path / "f.dng", SONY, kind=LINEAR_RAW)
     write_dng(tmp_path / "g.dng", SONY)  # which calls itself a Bayer RAW
     files = sorted(tmp_path.iterdir())
-    outcome = run("identify", "--json", *files)
-    assert outcome.code == 0, outcome.err
+    outcome = run("identify", "--json", *files, code=0)
     assert {(record["name"], tuple(record["letters"])) for record in outcome.records} == {("Sony", LETTERS)}
     assert [record["source"] for record in outcome.records] == list(map(str, files))
 
@@ -65,8 +64,7 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
     np.save(tmp_path / "sony.npy", SONY)
     np.save(tmp_path / "bayer.npy", taken(SCENE, tile_of("RG/GB")))
     np.save(tmp_path / "grey.npy", taken(SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2), tile_of("K=4")))
-    outcome = run("identify", *sorted(tmp_path.glob("*.npy")))
-    assert outcome.code == 0
+    outcome = run("identify", *sorted(tmp_path.glob("*.npy")), code=0)
     bayer, grey, sony = outcome.out.split(".npy\n")[1:]
     assert "period        4 pixels" in sony
     assert "panchromatic  8 of 16 sites" in sony
@@ -99,8 +97,7 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
 def test_frames_that_show_nothing_fail_with_what_to_photograph(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.full((200, 300), 700, np.uint16))
     np.save(tmp_path / "b.npy", SONY)
-    outcome = run("identify", "--json", tmp_path / "a.npy", tmp_path / "b.npy")
-    assert outcome.code == 1
+    outcome = run("identify", "--json", tmp_path / "a.npy", tmp_path / "b.npy", code=1)
     assert [record["ok"] for record in outcome.records] == [False, True]
     assert "shows no pattern of filters" in outcome.errors[0]
     assert "Photograph something with many colours in good light" in outcome.errors[0]
@@ -114,8 +111,7 @@ def test_files_without_samples_of_a_sensor_are_refused(tmp_path: Path) -> None:
         ("float.npy", "its samples are float32"),
         ("none.dng", "there is no such file"),
     ):
-        outcome = run("identify", tmp_path / name)
-        assert outcome.code == 1
+        outcome = run("identify", tmp_path / name, code=1)
         assert words in outcome.errors[0]
 
 

@@ -36,8 +36,7 @@ def rows(page: str) -> dict[str, str]:
 def test_machines_get_every_fact(tmp_path: Path) -> None:
     shot = mosaic()
     path = save(tmp_path / "shot.dng", shot)
-    outcome = run("inspect", "--json", path)
-    assert outcome.code == 0
+    outcome = run("inspect", "--json", path, code=0)
     (facts,) = outcome.records
     assert (facts["source"], facts["ok"]) == (str(path), True)
     assert (facts["width"], facts["height"], facts["bits"]) == (53, 37, 12)
@@ -62,8 +61,7 @@ def test_machines_get_every_fact(tmp_path: Path) -> None:
 
 def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     path = save(tmp_path / "shot.dng", mosaic())
-    outcome = run("inspect", path)
-    assert outcome.code == 0
+    outcome = run("inspect", path, code=0)
     assert outcome.err == ""
     assert outcome.out.splitlines()[0] == str(path)
     shown = rows(outcome.out)
@@ -153,8 +151,7 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: 
         data = bytearray(path.read_bytes())
         data[len(data) // 3 if path == paths[1] else len(data) // 2] ^= 1
         path.write_bytes(data)
-    outcome = run("inspect", "--verify", "--json", tmp_path, "--workers", str(jobs))
-    assert outcome.code == 1
+    outcome = run("inspect", "--verify", "--json", tmp_path, "--workers", str(jobs), code=1)
     assert {record["source"] for record in outcome.records} == set(map(str, paths))
     assert {"source": str(paths[0]), "ok": True, "width": 30, "height": 20, "digest": "shot"} in outcome.records
     assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(map(str, damaged))
@@ -167,8 +164,7 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
     path = save(tmp_path / "shot.dng", mosaic())
     jpeg = read_preview(path)
     path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
-    outcome = run("inspect", "--verify", path, tmp_path / "absent.dng")
-    assert outcome.code == 1
+    outcome = run("inspect", "--verify", path, tmp_path / "absent.dng", code=1)
     assert [line.partition(": ")[2] for line in outcome.errors] == [
         f"{path}: damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",

@@ -34,8 +34,8 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: Path) -> None:
-    done = piped(b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK)), "-o", str(out), *LAYOUT, "--wait")
-    assert done.code == 0, done.err
+    data = b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK))
+    done = piped(data, "-o", str(out), *LAYOUT, "--wait", code=0)
     recorded = [read_dng(path) for path in shots(out)]
     assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
     assert {shot.pattern.letters_from() for shot in recorded} == {identify(KODAK).tile}
@@ -67,8 +67,7 @@ def test_what_does_not_tell_a_tile_is_refused(
     camera.write_text(json.dumps(Camera(SensorCalibration.of_bits(12), CfaPattern.bayer(6)).to_json()))
     for number in range(4):
         (frames / f"{number}.raw").write_bytes(frame.astype("<u2").tobytes())
-    outcome = run("capture", frames, "-o", out, *LAYOUT, *(each.format(camera=camera) for each in more))
-    assert outcome.code == 2
+    outcome = run("capture", frames, "-o", out, *LAYOUT, *(each.format(camera=camera) for each in more), code=2)
     assert words in outcome.errors[0]
     assert not list(out.glob("*"))
 

@@ -48,8 +48,7 @@ def distance(first: ByteArray, second: ByteArray) -> float:
 @pytest.mark.parametrize("scale", [1, 2, 3])
 def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
     source = shot(tmp_path)
-    outcome = run("preview", source, "-o", tmp_path, "--scale", str(scale))
-    assert outcome.code == 0, outcome.err
+    outcome = run("preview", source, "-o", tmp_path, "--scale", str(scale), code=0)
     assert (
         distance(decoded(tmp_path / "shot.jpg"), picture(source, scale))
         < JPEG_LOSS
@@ -60,7 +59,7 @@ def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
 
 def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> None:
     source = shot(tmp_path, orientation=6, make="Acme")
-    assert run("preview", source, "-o", tmp_path).code == 0
+    run("preview", source, "-o", tmp_path, code=0)
     with Image.open(tmp_path / "shot.jpg") as image:
         assert image.size == (95, 61)
         exif = image.getexif()
@@ -110,7 +109,7 @@ def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path)
     own = read_dng(source)
     camera = replace(own.calibration, black_level=(900.0,) * 4)
     file.write_text(json.dumps(Camera(camera).to_json()))
-    assert run("preview", source, "-o", tmp_path, "--camera", file).code == 0
+    run("preview", source, "-o", tmp_path, "--camera", file, code=0)
     mosaic = replace(own, calibration=camera)
     expected = np.asarray(Preview.for_mosaic(mosaic).run(mosaic), np.uint8)
     assert distance(decoded(tmp_path / "shot.jpg"), expected) < JPEG_LOSS < distance(expected, picture(source))

@@ -45,7 +45,7 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
         return whitened(self, rgb, lost)
 
     monkeypatch.setattr(Development, "whitened", recorded)
-    assert run("render", tmp_path / "lamps.dng", "-o", out).code == 0
+    run("render", tmp_path / "lamps.dng", "-o", out, code=0)
     assert len(shown) > 1
     expected = render(read_dng(tmp_path / "lamps.dng"), PRESETS["best"]).lost
     assert expected.any()
@@ -56,7 +56,7 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits, with its truth beside it."""
     folder = tmp_path_factory.mktemp("shots")
-    assert run("simulate", SOURCE, "-o", folder, "--sensor-bits", "16", "--sigma", "0.02", "--truth").code == 0
+    run("simulate", SOURCE, "-o", folder, "--sensor-bits", "16", "--sigma", "0.02", "--truth", code=0)
     return folder / f"{STEM}.dng"
 
 
@@ -78,8 +78,8 @@ def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields:
 def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
     """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
     options = ["--period", str(period), "--origin", "2", "1", "--sigma", str(sigma), "--seed", "5"]
-    assert run("simulate", SOURCE, "-o", out, "--sensor-bits", "16", "--truth", *options).code == 0
-    assert run("render", out / f"{STEM}.dng", "-o", out, *MEASURED).code == 0
+    run("simulate", SOURCE, "-o", out, "--sensor-bits", "16", "--truth", *options, code=0)
+    run("render", out / f"{STEM}.dng", "-o", out, *MEASURED, code=0)
     rendered, truth = tifffile.imread(out / f"{STEM}.tif"), tifffile.imread(out / f"{STEM}.truth.tif")
     assert rendered.dtype == truth.dtype == np.float32
     assert rendered.shape == truth.shape
@@ -113,8 +113,7 @@ def test_the_file_is_what_the_library_writes(out: Path, tmp_path: Path, options:
     if kind.space == "camera":
         exposure = 0.0
     shot = save(tmp_path / "shot.dng")
-    outcome = run("render", shot, "-o", out, "-f", *options, "--exposure", str(exposure))
-    assert outcome.code == 0, outcome.err
+    outcome = run("render", shot, "-o", out, "-f", *options, "--exposure", str(exposure), code=0)
     mosaic, path = read_dng(shot), out / f"shot{kind.suffix}"
     rendering, development = render(mosaic), Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata, exposure)
     assert path.read_bytes() == encode_picture(development.whitened(rendering.rgb, rendering.lost), development)
@@ -125,7 +124,7 @@ def test_the_file_is_what_the_library_writes(out: Path, tmp_path: Path, options:
 
 @pytest.mark.parametrize(("name", "ending"), [("tiff", "tif"), ("jpeg", "jpg")])
 def test_formats_have_their_other_names(out: Path, shot: Path, name: str, ending: str) -> None:
-    assert run("render", shot, "-o", out, "-f", name).code == 0
+    run("render", shot, "-o", out, "-f", name, code=0)
     assert results(out) == {f"{shot.stem}.{ending}"}
 
 
@@ -143,14 +142,13 @@ def cast(path: Path) -> float:
 
 
 def test_a_measurement_states_how_far_it_may_be_off(out: Path, shot: Path) -> None:
-    assert run("render", shot, "-o", out, "--uncertainty").code == 0
+    run("render", shot, "-o", out, "--uncertainty", code=0)
     with tifffile.TiffFile(out / f"{shot.stem}.tif") as file:
         picture, stated = (page.asarray() for page in file.pages)
     found = render(read_dng(shot), uncertainty=True)
     assert np.array_equal(picture, found.rgb)
     assert np.array_equal(stated, found.uncertainty)
-    refused = run("render", shot, "-o", out, "--uncertainty", "-f", "png")
-    assert refused.code == 2
+    refused = run("render", shot, "-o", out, "--uncertainty", "-f", "png", code=2)
     assert "scene units" in refused.err
     preset = run("render", shot, "-o", out, "--uncertainty", "--preset", "paper", "--overwrite")
     assert_refused(preset, "best and unlearned", name=str(shot))
@@ -161,12 +159,11 @@ def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) ->
     multipliers = ",".join(str(1 / each) for each in LIGHT)
     for options, balanced_ in (((), False), (("--wb", "auto"), True), (("--wb", multipliers), True), (("--wb", "camera"), False)):
         for kind in ("tif", "png", "jpg"):
-            outcome = run("render", shot, "-o", out, "-f", kind, "--preset", "paper", "--overwrite", *options, "--json")
-            assert outcome.code == 0, outcome.err
+            outcome = run("render", shot, "-o", out, "-f", kind, "--preset", "paper", "--overwrite", *options, "--json", code=0)
             assert (cast(out / f"a.{kind}") < 0.03) == balanced_, (kind, options)
             assert ("white balance is unknown" in outcome.err) == (not balanced_)
             assert outcome.records[0]["neutral_estimated"] == (options == ("--wb", "auto"))
-        assert run("render", shot, "-o", out, "-f", "dng", "--preset", "paper", "--overwrite", *options).code == 0
+        run("render", shot, "-o", out, "-f", "dng", "--preset", "paper", "--overwrite", *options, code=0)
         with tifffile.TiffFile(out / "a.dng") as file:
             stated = np.array(file.pages.first.tags.valueof(50728)).reshape(3, 2)
         assert np.allclose(stated[:, 0] / stated[:, 1], LIGHT if balanced_ else 1, atol=0.05)
@@ -186,8 +183,7 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     old = save(tmp_path / "old.dng")
-    outcome = run("render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json")
-    assert outcome.code == 1
+    outcome = run("render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json", code=1)
     found = {Path(record["source"]).name: (record["ok"], record.get("dry_run")) for record in outcome.records}
     assert found == {shot.name: (True, True), "text.dng": (False, None), "old.dng": (False, None)}
     assert f"{shot} -> {out / f'{STEM}.tif'}" in outcome.err
@@ -245,8 +241,7 @@ def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
     ],
 )
 def test_pictures_that_no_file_holds_are_usage(out: Path, shot: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("render", shot, shot, "-o", out, *options)
-    assert outcome.code == 2
+    outcome = run("render", shot, shot, "-o", out, *options, code=2)
     (line,) = outcome.err.splitlines()
     assert line.startswith("panchroma: ")
     assert words in line
@@ -320,8 +315,7 @@ def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_b
     words = "every panchromatic sample is saturated: there is no picture in it; expose less"
     assert_refused(run("render", shot, "-o", out, "--preset", "paper"), words, name=str(shot))
     assert results(out) == set()
-    outcome = run("render", shot, "-o", out, "--bits", "32", "--space", "camera")
-    assert outcome.code == 0, outcome.err
+    run("render", shot, "-o", out, "--bits", "32", "--space", "camera", code=0)
     calibration = read_dng(shot).calibration
     light = tifffile.imread(out / "shot.tif").astype(np.float64) @ np.array(calibration.gamma)
     expected = (2400 - calibration.black_level[0]) * calibration.scale().max() * sum(calibration.gamma)
@@ -336,8 +330,7 @@ def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path)
             samples[:] = others
             samples[4, 4] = one
 
-        outcome = run("render", save(tmp_path / f"{name}.dng", codes), "-o", out, *MEASURED)
-        assert outcome.code == 0, outcome.err
+        run("render", save(tmp_path / f"{name}.dng", codes), "-o", out, *MEASURED, code=0)
         assert np.isfinite(tifffile.imread(out / f"{name}.tif")).all()
 
 
@@ -351,5 +344,5 @@ def test_a_sensor_whose_colours_nobody_knows(out: Path, tmp_path: Path) -> None:
         run("render", tmp_path / "five.dng", "-o", out), "no colour matrix for the channels VGBXY", name=str(tmp_path / "five.dng")
     )
     assert_refused(run("render", tmp_path / "five.dng", "-o", out, "-f", "dng"), "3 channels", name=str(tmp_path / "five.dng"))
-    assert run("render", tmp_path / "five.dng", "-o", out, *MEASURED).code == 0
+    run("render", tmp_path / "five.dng", "-o", out, *MEASURED, code=0)
     assert tifffile.imread(out / "five.tif").shape == (12, 18, 5)

@@ -26,8 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         taken(folder, f"flat{number}.dng", f"flat:{SIZE}", *lens, light, "--seed", seed, focal=35.0, shading=None)
     taken(folder, "shot.dng", f"builtin:{SIZE}", *lens, "0.9", focal=50.0, shading=None)
     assert read_dng(folder / "true" / f"builtin-{SIZE}.dng").calibration.shading == LENS
-    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder)
-    assert outcome.code == 0, outcome.err
+    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder, code=0)
     assert "shading: 1.4" in outcome.out
     return folder
 
@@ -51,8 +50,7 @@ def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
 def test_commands_tell_another_focal_length(folder: Path, path: Path, tmp_path: Path) -> None:
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
     for command, *options in (("render", "-f", "npy"), ("preview",)):
-        outcome = run(command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options)
-        assert outcome.code == 0, outcome.err
+        outcome = run(command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options, code=0)
         assert told in outcome.err
     assert told in run("calibrate", "--no-chart", folder / "shot.dng", "-o", path, "--update").err
 
@@ -68,13 +66,12 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Pa
         save(tmp_path / flat_path.name, stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS))
     tilted, new = sorted(tmp_path.glob("flat*.dng")), tmp_path / "new.json"
     reason = "flat frames: the light is tilted"
-    outcome = run("calibrate", "--flat", *tilted, "-o", new, "--json")
-    assert outcome.code == 0
+    outcome = run("calibrate", "--flat", *tilted, "-o", new, "--json", code=0)
     assert f"no shading was measured: {reason}" in outcome.err
     assert outcome.records[-1]["verdict"] == "use it with care"
     assert "shading" not in json.loads(new.read_text())
-    refused = run("calibrate", "--flat", tilted[0], "-o", tmp_path / "none.json")  # tells no noise either, and both are told
-    assert refused.code == 1
+    # It tells no noise either, and both are told.
+    refused = run("calibrate", "--flat", tilted[0], "-o", tmp_path / "none.json", code=1)
     assert "no two unclipped frames have the same exposure" in refused.err
     assert f"no shading was measured: {reason}" in refused.err
     kept = run("calibrate", "--flat", *tilted, "-o", path, "--update")
@@ -83,17 +80,16 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Pa
 
 
 def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path) -> None:
-    outcome = run("calibrate", "--flat", folder / "flat3.dng", "-o", tmp_path / "camera.json")
-    assert outcome.code == 0, outcome.err
+    outcome = run("calibrate", "--flat", folder / "flat3.dng", "-o", tmp_path / "camera.json", code=0)
     assert "no noise was measured: flat frames: no two unclipped frames" in outcome.err
     assert list(read_camera(tmp_path / "camera.json").measured) == ["shading"]
 
 
 def test_a_lens_is_simulated_once_and_not_beside_that_of_a_camera_file(folder: Path, tmp_path: Path) -> None:
-    assert run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "0,0").code == 0
+    run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "0,0", code=0)
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is None
     camera = "--camera", folder / "camera.json", "--overwrite"
     two = run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "1,5", *camera)
     assert (two.code, "has its own shading" in two.err) == (2, True)
-    assert run("simulate", "flat:60x40", "-o", tmp_path, *camera).code == 0  # the camera's own
+    run("simulate", "flat:60x40", "-o", tmp_path, *camera, code=0)  # the camera's own
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is not None

@@ -32,8 +32,7 @@ def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
 
 def simulate(out: Path, *options: str | Path) -> Any:
     """The shot of the built-in scene that is made with `options`."""
-    outcome = run("simulate", SOURCE, "-o", out, "--overwrite", *options)
-    assert outcome.code == 0, outcome.err
+    run("simulate", SOURCE, "-o", out, "--overwrite", *options, code=0)
     return read_dng(out / SHOT)
 
 
@@ -92,10 +91,10 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tm
         np.save(source, np.full((36, 36, 3), 0.5, np.float32))
     white = CfaPattern.bayer().panchromatic_mask((36, 36))
     for protocol in (["--sigma", "0.1"], ["--protocol", "sensor"]):
-        assert run("simulate", *sources, "-o", out, "--overwrite", *protocol).code == 0
+        run("simulate", *sources, "-o", out, "--overwrite", *protocol, code=0)
         one, other = (read_dng(out / f"{source.stem}.dng").codes.astype(float) for source in sources)
         assert abs(np.corrcoef(one[white], other[white])[0, 1]) < 0.2
-        assert run("simulate", *reversed(sources), "-o", out, "--overwrite", *protocol).code == 0
+        run("simulate", *reversed(sources), "-o", out, "--overwrite", *protocol, code=0)
         assert np.array_equal(read_dng(out / "flat1.dng").codes, one)
 
 
@@ -114,10 +113,10 @@ def test_the_truth_is_the_scene_in_float32(out: Path) -> None:
 def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tuple[str, ...], light: float) -> None:
     """It is the light of the scene times light and exposure, in command and notebook, in each protocol."""
     options = ("--truth", *more)
-    assert run("simulate", "builtin:96x72", "-o", out, "--protocol", "sensor", "--light", str(light), *options).code == 0
+    run("simulate", "builtin:96x72", "-o", out, "--protocol", "sensor", "--light", str(light), *options, code=0)
     name = "builtin-96x72"
     found = tifffile.imread(out / f"{name}.truth.tif")
-    assert run("simulate", "builtin:96x72", "-o", out, "--overwrite", "--truth", *more).code == 0
+    run("simulate", "builtin:96x72", "-o", out, "--overwrite", "--truth", *more, code=0)
     exposure = 2 if "--burst" in more else 1
     plain = tifffile.imread(out / f"{name}.truth.tif") / exposure
     np.testing.assert_allclose(found, plain * light * exposure, rtol=1e-6)
@@ -150,14 +149,13 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
 def test_linear_takes_numbers_for_light(out: Path, tmp_path: Path) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (18, 24, 3), np.uint8)
     Image.fromarray(picture).save(tmp_path / "picture.png")
-    assert run("simulate", tmp_path / "picture.png", "-o", out, "--linear", "--truth").code == 0
+    run("simulate", tmp_path / "picture.png", "-o", out, "--linear", "--truth", code=0)
     np.testing.assert_allclose(tifffile.imread(out / "picture.truth.tif"), picture / 255, atol=1e-6)
 
 
 def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "ramp.npy", np.linspace(0, 1, 12 * 13 * 3, dtype=np.float32).reshape(12, 13, 3))
-    outcome = run("simulate", SOURCE, tmp_path / "ramp.npy", "-o", out, "--json", "--truth")
-    assert outcome.code == 0
+    outcome = run("simulate", SOURCE, tmp_path / "ramp.npy", "-o", out, "--json", "--truth", code=0)
     assert [record["ok"] for record in outcome.records] == [True, True]
     assert outcome.records[1] == {
         "source": str(tmp_path / "ramp.npy"),
@@ -177,8 +175,7 @@ BESIDE = {"builtin-150x120.truth.tif", "builtin-150x120.motion.json"}
 
 
 def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
-    outcome = run("simulate", SERIES, "-o", out, *HAND, "--sigma", "0.02", "--seed", "3", "--truth", "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = run("simulate", SERIES, "-o", out, *HAND, "--sigma", "0.02", "--seed", "3", "--truth", "--json", code=0)
     assert names(out) == {*FRAMES, *BESIDE}
     told = json.loads((out / "builtin-150x120.motion.json").read_text())
     hand = noise_of(3, "builtin-150x120-1.motion")
@@ -202,7 +199,7 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
 
 @pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--protocol", "sensor"]])
 def test_a_bracket_clips_and_its_files_state_the_exposure(out: Path, protocol: list[str]) -> None:
-    assert run("simulate", SERIES, "-o", out, "--burst", "3", "--bracket", "0,-2,1.5", *protocol).code == 0
+    run("simulate", SERIES, "-o", out, "--burst", "3", "--bracket", "0,-2,1.5", *protocol, code=0)
     shots = [read_dng(out / name) for name in FRAMES]
     times = [shot.metadata.exposure_time or 0 for shot in shots]
     assert [time / times[0] for time in times] == pytest.approx([1, 0.25, 2**1.5], rel=1e-6)
@@ -213,10 +210,10 @@ def test_a_bracket_clips_and_its_files_state_the_exposure(out: Path, protocol: l
 def test_a_scene_is_reduced_with_and_without_a_burst(out: Path, tmp_path: Path) -> None:
     rgb = np.random.default_rng(0).random((37, 48, 3), np.float32)
     np.save(tmp_path / "scene.npy", rgb)
-    assert run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--truth").code == 0
+    run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--truth", code=0)
     truth = tifffile.imread(out / "scene.truth.tif")
     np.testing.assert_allclose(truth, rgb[:36].reshape(18, 2, 24, 2, 3).mean(axis=(1, 3)), rtol=1e-5)
-    assert run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--burst", "1").code == 0
+    run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--burst", "1", code=0)
     assert np.array_equal(read_dng(out / "scene-1.dng").codes, read_dng(out / "scene.dng").codes)
 
 
@@ -248,8 +245,7 @@ def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
     ],
 )
 def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
-    outcome = run("simulate", SOURCE, "-o", out, *options)
-    assert outcome.code == 2
+    outcome = run("simulate", SOURCE, "-o", out, *options, code=2)
     assert words in outcome.err.splitlines()[-1]
     assert names(out) == set()
 
@@ -286,7 +282,6 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
 
 
 def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path) -> None:
-    outcome = run("simulate", SOURCE, "-o", out, "--period", "9", "--layout", "cfa", "--truth")
-    assert outcome.code == 1
+    outcome = run("simulate", SOURCE, "-o", out, "--period", "9", "--layout", "cfa", "--truth", code=1)
     assert 'the layout "cfa" cannot hold this pattern' in outcome.errors[0]
     assert names(out) == set()

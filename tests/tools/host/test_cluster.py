@@ -56,8 +56,7 @@ def test_a_scheduler_that_dies_is_one_line_and_the_next_run_goes_on(tmp_path: Pa
     assert "of 40 pieces of work are not finished" in line
     assert "Traceback" not in said
     assert "ERROR" not in said
-    again = run("render", *shots, "-o", out, "--resume", "--json")
-    assert again.code == 0, again.err
+    again = run("render", *shots, "-o", out, "--resume", "--json", code=0)
     assert any(record.get("current") for record in again.records)
     assert {path.suffix for path in out.iterdir()} == {".tif", ".jsonl"}
 

@@ -54,9 +54,8 @@ def shots(tmp_path: Path) -> Path:
     folder = tmp_path / "shots"
     for place in (folder, folder / "sub"):
         place.mkdir()
-        assert run("simulate", "builtin:36x24", "-o", place).code == 0
-    made = run("render", folder / "builtin-36x24.dng", "-o", tmp_path, "-f", "dng", "--preset", "paper")
-    assert made.code == 0, made.err
+        run("simulate", "builtin:36x24", "-o", place, code=0)
+    run("render", folder / "builtin-36x24.dng", "-o", tmp_path, "-f", "dng", "--preset", "paper", code=0)
     (tmp_path / "builtin-36x24.dng").rename(folder / "linear.dng")
     (folder / "notes.txt").write_text("no shot")
     return folder
@@ -65,8 +64,7 @@ def shots(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("command", [("preview",), ("render", "--preset", "paper"), ("inspect",)])
 def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: tuple[str, ...]) -> None:
     output = () if command == ("inspect",) else ("-o", out)
-    outcome = run(*command, shots, *output, "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = run(*command, shots, *output, "--json", code=0)
     assert f"{shots}: left out notes.txt" in outcome.err
     assert "linear.dng: not a mosaic of Panchroma" in outcome.err
     assert {(Path(each["source"]).relative_to(shots).as_posix(), each.get("foreign", False)) for each in outcome.records} == {
@@ -80,20 +78,19 @@ def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: 
     (shots / "empty").mkdir()
     assert_refused(run(*command, shots / "empty", *output), "no .dng file is in this folder or below it", name=str(shots / "empty"))
     # A file that the user names has to be a shot.
-    assert run(*command, shots / "linear.dng", *output).code == 1
+    run(*command, shots / "linear.dng", *output, code=1)
 
 
 def test_simulate_takes_a_folder_of_scenes_and_leaves_shots_out(shots: Path, out: Path) -> None:
     (shots / "linear.dng").unlink()
     for place in ("a", "b"):
         (shots / place).mkdir()
-        assert run("render", shots / "builtin-36x24.dng", "-o", shots / place, "-f", "png", "--preset", "paper").code == 0
-    outcome = run("simulate", shots, "-o", out, "--truth")
-    assert outcome.code == 0, outcome.err
+        run("render", shots / "builtin-36x24.dng", "-o", shots / place, "-f", "png", "--preset", "paper", code=0)
+    outcome = run("simulate", shots, "-o", out, "--truth", code=0)
     assert f"{shots}: left out notes.txt" in outcome.err
     assert f"{shots}/builtin-36x24.dng: this is a shot" in outcome.err
     assert set(contents(out)) == {f"{place}/builtin-36x24.{ending}" for place in "ab" for ending in ("dng", "truth.tif")}
-    assert run("simulate", shots / "builtin-36x24.dng", "-o", out).code == 1
+    run("simulate", shots / "builtin-36x24.dng", "-o", out, code=1)
 
 
 def test_calibrate_sorts_frames_by_their_names_and_those_of_subfolders(shots: Path, out: Path) -> None:

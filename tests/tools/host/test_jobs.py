@@ -184,8 +184,8 @@ def test_a_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.parametrize("verb", ["simulate", "render", "preview"])
 def test_a_new_output_folder_without_results_is_not_left(tmp_path: Path, verb: str) -> None:
-    assert run(verb, tmp_path / "missing", "-o", tmp_path / "new").code == 1
+    run(verb, tmp_path / "missing", "-o", tmp_path / "new", code=1)
     assert not (tmp_path / "new").exists()
     (tmp_path / "old").mkdir()
-    assert run(verb, tmp_path / "missing", "-o", tmp_path / "old").code == 1
+    run(verb, tmp_path / "missing", "-o", tmp_path / "old", code=1)
     assert (tmp_path / "old").is_dir()

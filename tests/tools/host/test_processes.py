@@ -149,8 +149,7 @@ def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     before = contents(tmp_path / "shots")
     for count in "12":
         limited = ("--workers", count, "--max-memory", f"{limit}M", "-f", "npy", "--preset", "paper")
-        outcome = run("render", tmp_path / "shots", "-o", tmp_path / count, "--json", *limited)
-        assert outcome.code == 1
+        outcome = run("render", tmp_path / "shots", "-o", tmp_path / count, "--json", *limited, code=1)
         assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
         assert len(outcome.errors) == 1
     assert Path(outcome.records[-1]["output"]).name == "large.npy"  # alone, after all others

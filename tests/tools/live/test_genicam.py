@@ -65,8 +65,8 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
         camera.kill()
 
 
-def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE) -> Outcome:
-    return spawn("capture", source, *arguments, before=camera.beside)
+def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE, code: int | None = None) -> Outcome:
+    return spawn("capture", source, *arguments, before=camera.beside, code=code)
 
 
 def capturing(camera: FakeCamera, out: Path) -> subprocess.Popen[str]:
@@ -87,8 +87,7 @@ def test_shots_have_the_cameras_samples_and_settings(
 ) -> None:
     camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
     settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
-    outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings)
-    assert outcome.code == 0, outcome.err
+    outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings, code=0)
     assert "incomplete" not in outcome.err
     assert f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
     assert link.resolve() == shots(out)[-1]
@@ -107,19 +106,16 @@ def test_shots_have_the_cameras_samples_and_settings(
 def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(plug: Plug, out: Path) -> None:
     pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
     camera = plug(SCF1WGWR12P, pattern)
-    outcome = capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01")
-    assert outcome.code == 0, outcome.err
+    capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01", code=0)
     assert len(shots(out)) == 3
     assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {pattern.letters_from((0, 0))}
-    refused = capture(camera, "-o", out, "--pattern", "paper")
-    assert refused.code == 2
+    refused = capture(camera, "-o", out, "--pattern", "paper", code=2)
     assert "the camera says where its filters are" in refused.err
 
 
 @needs_camera
 def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path) -> None:
-    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50")  # one frame of four arrives whole
-    assert outcome.code == 0, outcome.err
+    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)  # one frame of four arrives whole
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
     found = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
     assert found, outcome.err
@@ -130,8 +126,7 @@ def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path)
 def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> None:
     camera = plug()
     first = capturing(camera, out)
-    second = capture(camera, "-o", out, *TILE)
-    assert second.code == 2
+    second = capture(camera, "-o", out, *TILE, code=2)
     assert "another program has the camera" in second.err
     first.send_signal(signal.SIGINT)
     first.communicate(timeout=60)
@@ -170,8 +165,7 @@ def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> Non
 @needs_camera
 def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
     camera = plug()
-    listed = capture(camera, source="genicam:")
-    assert listed.code == 0
+    listed = capture(camera, source="genicam:", code=0)
     assert listed.out == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
     for wrong, words in (
         (["--pixel-format", "RGB8"], "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12"),
@@ -179,11 +173,9 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
         (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
         (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
     ):
-        outcome = capture(camera, "-o", out, *wrong)
-        assert outcome.code == 2
+        outcome = capture(camera, "-o", out, *wrong, code=2)
         assert words in outcome.err
-    outcome = capture(camera, "-o", out, source="genicam:another")
-    assert outcome.code == 2
+    outcome = capture(camera, "-o", out, source="genicam:another", code=2)
     assert "'another' not found; genicam: alone lists the cameras" in outcome.err
 
 
@@ -197,15 +189,15 @@ def test_the_same_frames_from_every_source_become_the_same_bytes(plug: Plug, tmp
         (tmp_path / "frames" / f"{number}.raw").write_bytes(frame)
     folders = [tmp_path / name for name in ("camera", "folder", "piped")]
     burst = ["--burst", "3", "-o"]
-    assert capture(plug(), *TILE, *burst, folders[0]).code == 0
-    assert spawn("capture", tmp_path / "frames", *layout, *burst, folders[1]).code == 0
+    capture(plug(), *TILE, *burst, folders[0], code=0)
+    spawn("capture", tmp_path / "frames", *layout, *burst, folders[1], code=0)
     with (tmp_path / "stream").open("rb") as stream:
-        assert spawn("capture", "-", *layout, *burst, folders[2], stdin=stream).code == 0
+        spawn("capture", "-", *layout, *burst, folders[2], stdin=stream, code=0)
     made: list[list[bytes]] = []
     for folder in folders:
         pictures = tmp_path / f"{folder.name}-pictures"
-        assert run("render", folder, "-o", pictures, "-f", "npy").code == 0
-        assert run("burst", folder, "-o", pictures, "-f", "npy").code == 0
+        run("render", folder, "-o", pictures, "-f", "npy", code=0)
+        run("burst", folder, "-o", pictures, "-f", "npy", code=0)
         mosaics = [read_dng(path) for path in shots(folder)]
         told = {replace(mosaic.metadata, taken=None) for mosaic in mosaics}
         assert len(told) == 1
@@ -233,15 +225,13 @@ def test_the_viewfinder_shows_it(plug: Plug) -> None:
 
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gi", None)
-    outcome = run("capture", "genicam:")
-    assert outcome.code == 2
+    outcome = run("capture", "genicam:", code=2)
     assert "apt-get install gir1.2-aravis-0.8 python3-gi" in outcome.err
 
 
 def test_settings_are_of_a_connected_camera(out: Path) -> None:
     for source in (str(out), "builtin:64x48@9"):
-        outcome = run("capture", source, "-o", out, "--gain", "3")
-        assert outcome.code == 2
+        outcome = run("capture", source, "-o", out, "--gain", "3", code=2)
         assert f"--gain does not go with {source}" in outcome.err
     outcome = run("capture", SOURCE, "-o", out, "--wait")
     assert "a sensor does not wait" in outcome.err

@@ -54,8 +54,8 @@ def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
 
 def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tmp_path: Path) -> None:
     shot.save(tmp_path / "shot.dng")
-    assert run("render", tmp_path / "shot.dng", "-o", tmp_path / "made", "-f", "png").code == 0
-    assert run("preview", tmp_path / "shot.dng", "-o", tmp_path / "made", "--scale", "2").code == 0
+    run("render", tmp_path / "shot.dng", "-o", tmp_path / "made", "-f", "png", code=0)
+    run("preview", tmp_path / "shot.dng", "-o", tmp_path / "made", "--scale", "2", code=0)
     read = panchroma.open(tmp_path / "shot.dng")
     picture = panchroma.render(tmp_path / "shot.dng")
     picture.save(tmp_path / "mine.png")
@@ -76,7 +76,7 @@ def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -
 
 def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
     tile = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
-    assert run("simulate", SCENE, "-o", tmp_path, "--pattern", tile, "--truth").code == 0
+    run("simulate", SCENE, "-o", tmp_path, "--pattern", tile, "--truth", code=0)
     made, (file,) = panchroma.simulate(SCENE, pattern=tile), tmp_path.glob("*.dng")
     assert np.array_equal(read_dng(file).codes, made.mosaic.codes)
     assert read_dng(file).calibration == made.calibration
@@ -161,7 +161,7 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
     shot = replace(shot, mosaic=replace(shot.mosaic, metadata=CaptureMetadata(orientation=6)))
     shot.save(tmp_path / "wall.dng")
     options = "-f", format, "--exposure", "-3"
-    assert run("render", tmp_path / "wall.dng", "-o", tmp_path, *options).code == 0
+    run("render", tmp_path / "wall.dng", "-o", tmp_path, *options, code=0)
     picture = panchroma.render(tmp_path / "wall.dng")
     assert picture.lost is not None
     written = tmp_path / f"wall{PictureKind.of(format).suffix}"

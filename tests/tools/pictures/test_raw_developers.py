@@ -45,12 +45,12 @@ def darktable(source: Path, target: Path, home: Path) -> list[str | Path]:
 def rendered(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FloatArray]:
     """A photograph, rendered as a DNG, and as sRGB of 8 bits."""
     scene, folder = photograph(request.param), tmp_path_factory.mktemp("rendered")
-    assert run("simulate", scene, "-o", folder).code == 0
+    run("simulate", scene, "-o", folder, code=0)
     shot = folder / f"{scene.stem}.dng"
     # A developer has colours of its own for a camera that it knows by name. CRW files keep the name where nobody reads it.
     assert read_dng(shot).metadata.make or scene.suffix == ".crw"
     for kind in ("png", "dng"):
-        assert run("render", shot, "-o", folder / kind, "-f", kind, "--preset", "paper").code == 0
+        run("render", shot, "-o", folder / kind, "-f", kind, "--preset", "paper", code=0)
     ours = imagecodecs.png_decode((folder / "png" / f"{scene.stem}.png").read_bytes())
     return folder / "dng" / shot.name, ours.astype(np.float32)
 

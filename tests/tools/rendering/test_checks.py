@@ -136,7 +136,7 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
     words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
     assert_refused(outcome, words, name=str(shot))
     assert names(out) == set()
-    assert run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M").code == 0
+    run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M", code=0)
 
 
 # --- threads --------------------------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     monkeypatch.setattr("tools.rendering.attempt.write_picture", recorded)
     before = threads()
     try:
-        assert run("render", save(tmp_path / "shot.dng", SMALL), "-o", out, "-j", option).code == 0
+        run("render", save(tmp_path / "shot.dng", SMALL), "-o", out, "-j", option, code=0)
     finally:
         use_threads(before)
     assert seen == [(used, used)]

@@ -56,24 +56,23 @@ def test_the_command_mends_what_is_listed(tmp_path: Path, out: Path) -> None:
     scene = np.full((36, 42, 3), 0.3, np.float32)
     scene[15, 21:23] = 1.0
     np.save(tmp_path / "scene.npy", scene)
-    assert run("simulate", tmp_path / "scene.npy", "-o", out).code == 0
+    run("simulate", tmp_path / "scene.npy", "-o", out, code=0)
     shot = out / "scene.dng"
     kind = ("-f", "npy", "--overwrite")
-    assert run("render", shot, "-o", out, *kind).code == 0
+    run("render", shot, "-o", out, *kind, code=0)
     hurt = np.load(out / "scene.npy")
     listed = written(tmp_path, "15,21\n15,22\n")
-    assert run("render", shot, "-o", out, *kind, "--defects", listed).code == 0
+    run("render", shot, "-o", out, *kind, "--defects", listed, code=0)
     mended = np.load(out / "scene.npy")
     assert hurt[15, 21].sum() > 2.5
     assert np.abs(mended - 0.3).max() < 0.01
 
 
 def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path, out: Path) -> None:
-    assert run("simulate", "builtin:24x24", "-o", tmp_path).code == 0
+    run("simulate", "builtin:24x24", "-o", tmp_path, code=0)
     shot = tmp_path / "builtin-24x24.dng"
     far = written(tmp_path, "3,40\n")
     assert_refused(run("render", shot, "-o", out, "--defects", far), "belongs to another sensor", name=str(shot))
-    paper = run("render", shot, "-o", out, "--defects", far, "--preset", "paper")
-    assert paper.code == 2
+    paper = run("render", shot, "-o", out, "--defects", far, "--preset", "paper", code=2)
     assert "--defects needs --preset best" in paper.err
     assert names(out) == set()

@@ -42,13 +42,13 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     expected = shown(source)
     assert len(expected) > 30
     (tmp_path / "out").mkdir()
-    assert run("simulate", source, "-o", tmp_path / "out").code == 0
+    run("simulate", source, "-o", tmp_path / "out", code=0)
     shot = tmp_path / "out" / "source.dng"
     assert shown(shot) == expected
     (facts,) = run("inspect", "--json", shot).records
     assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
     for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):  # from the same shot
-        assert run("render", shot, "-o", tmp_path / kind, "-f", kind, "--preset", "paper").code == 0
+        run("render", shot, "-o", tmp_path / kind, "-f", kind, "--preset", "paper", code=0)
         result = tmp_path / kind / f"source.{kind}"
         assert shown(result) == expected, kind
         assert exiftool("-s3", "-validate", "-warning", "-a", result).decode().strip() == "OK"
