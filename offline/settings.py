@@ -82,7 +82,7 @@ class LuminanceSettings(StageSettings):
     threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too). It is
         larger in frames brighter than 3 scene units: half of what they exceed 1 by.
     relative: the threshold is a multiple of the brightest sample instead, so that the picture does not depend on the exposure.
-    learned: a network that has seen photographs corrects what is filled in under blocks of 2 x 2 sites (`whole.filling`).
+    learned: a network that has seen photographs corrects what is filled in under blocks of 2 x 2 pixels (`whole.filling`).
     """
 
     kernels = "fill_blocks", "shrink_margins"

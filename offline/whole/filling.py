@@ -13,11 +13,13 @@ from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.networks import NETWORKS, load_network
+from shared.pattern import CfaPattern
 
 from ..blocks import Sites
 from ..kernels.pieces import in_pieces, in_strips
 
-PATH = NETWORKS / "luminance.onnx"
+PATHS = {4: NETWORKS / "luminance.onnx", 3: NETWORKS / "luminance-three.onnx"}
+"""Sites of a block of 2 x 2 pixels -> the network for it; of three, the pixel that is panchromatic is the last one."""
 REACH = 5
 """Pixels around a block that the network sees."""
 SIDE = 2 + 2 * REACH
@@ -30,26 +32,28 @@ _PIECE = 32  # rows of blocks that are computed together, whatever the number of
 
 
 def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
-    """`luminance`, float32 (H, W), corrected in place under the whole blocks of 2 x 2 sites; other blocks stay.
+    """`luminance`, float32 (H, W), corrected in place under the whole blocks of three or four sites in 2 x 2 pixels.
 
-    luminance: (H, W), filled in, scene units. Raises InputError if the network cannot be read.
+    Other blocks stay. luminance: (H, W), filled in, scene units. Raises InputError if the network cannot be read.
     """
     pattern, noise = mosaic.pattern, mosaic.calibration.noise
-    if pattern.is_scattered or pattern.block_shape != (2, 2) or len(pattern.sites) != 4 or pattern.period < _LEAST_PERIOD:
+    count = len(pattern.sites)
+    if pattern.is_scattered or pattern.block_shape != (2, 2) or count not in PATHS or pattern.period < _LEAST_PERIOD:
         return luminance
-    network, sites = load_network(PATH), Sites.in_frame(mosaic)
+    network, sites, steps = load_network(PATHS[count]), Sites.in_frame(mosaic), mirrors(pattern)
+    order = [2 * (row ^ (steps[0] < 0)) + (column ^ (steps[1] < 0)) for row, column, _ in pattern.sites]
     grid = sites.grid
     first_rows, columns = grid.whole_rows, grid.whole_columns
-    off = np.empty((len(first_rows), len(columns), 4), np.float32)
+    off = np.empty((len(first_rows), len(columns), count), np.float32)
 
     def work(piece: int) -> None:
         rows = first_rows[piece * _PIECE : (piece + 1) * _PIECE]
         # Only what this piece sees, continued beyond the frame's edges: a frame with a border would be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
-        seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise)
+        seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
         (found,) = network.run(None, {"seen": seen})
-        off[piece * _PIECE :][: len(rows)] = (found * units).reshape(len(rows), len(columns), 4)
+        off[piece * _PIECE :][: len(rows)] = (found * units)[:, order].reshape(len(rows), len(columns), count)
 
     in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
 
@@ -61,12 +65,23 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     return luminance
 
 
-def seen_around(wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None) -> tuple[FloatArray, FloatArray]:
+def mirrors(pattern: CfaPattern) -> tuple[int, int]:
+    """Steps (down, across), 1 or -1, by which the panchromatic pixel of a block of three sites comes last; 1 for a full block."""
+    clear = np.argwhere(pattern.panchromatic_mask((2, 2), pattern.block_origin))
+    down, across = (2 * clear[0] - 1).tolist() if len(clear) else (1, 1)
+    return down, across
+
+
+def seen_around(
+    wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None, steps: tuple[int, int] = (1, 1)
+) -> tuple[FloatArray, FloatArray]:
     """What the network sees around blocks, float32 (blocks, SIDE^2 + 1), and the unit of its answer, scene units, (blocks, 1).
 
     wide: luminance with `REACH` more pixels on each side. blocks: first rows and first columns of blocks, without these pixels.
+    steps: -1 along an axis (down, across) that is mirrored, otherwise 1.
     """
-    pixels = sliding_window_view(wide, (SIDE, SIDE))[np.ix_(*blocks)].reshape(-1, SIDE**2)
+    windows = sliding_window_view(wide, (SIDE, SIDE))[np.ix_(*blocks)]
+    pixels = windows[..., :: steps[0], :: steps[1]].reshape(-1, SIDE**2)
     mean = pixels.mean(axis=1, keepdims=True)
     seen = np.empty((len(pixels), SIDE**2 + 1), np.float32)
     np.subtract(pixels, mean, out=seen[:, :-1])

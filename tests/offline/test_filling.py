@@ -20,8 +20,8 @@ from tests.scenes import leaves
 LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))
 
 
-def shot(pattern: CfaPattern, sigma: float = 0.0) -> Mosaic:
-    return simulate_additive(LEAVES, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
+def shot(pattern: CfaPattern, sigma: float = 0.0, scene: FloatArray = LEAVES) -> Mosaic:
+    return simulate_additive(scene, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
 
 
 def filled(mosaic: Mosaic) -> FloatArray:
@@ -30,9 +30,11 @@ def filled(mosaic: Mosaic) -> FloatArray:
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03])
+@pytest.mark.parametrize("block", [("RG", "GB"), ("RG", "BW"), ("WB", "GR")])
 @pytest.mark.parametrize("period", [4, 5, 6, 8])
-def test_it_takes_errors_away_under_blocks_alone(period: int, sigma: float) -> None:
-    mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), sigma)
+def test_it_takes_errors_away_under_blocks_alone(period: int, block: tuple[str, str], sigma: float) -> None:
+    pattern = CfaPattern.with_block(block, period, origin=(1, 2))
+    mosaic = shot(pattern, sigma)
     before, after = filled(mosaic), recover_luminance(mosaic, BEST.luminance)
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     assert np.array_equal(before[measured], after[measured])
@@ -41,7 +43,19 @@ def test_it_takes_errors_away_under_blocks_alone(period: int, sigma: float) -> N
     assert left < 0.8
 
 
-@pytest.mark.parametrize("letters", ["WBWG/BWGW/WGWR/GWRW", "RGWW/BWWW/WWWW/WWWW", "RGW/GBW/WWW"])
+def test_three_sites_are_corrected_alike_wherever_the_fourth_pixel_is() -> None:
+    pattern, whole = CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW"), LEAVES[:, :328]  # whole tiles
+    luminance, images = filled(shot(pattern, scene=whole)), []
+    for down, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        mirrored = CfaPattern(tuple(row[::across] for row in pattern.tile[::down]))
+        seen = shot(mirrored, scene=whole[::down, ::across])
+        images.append(refilled(luminance[::down, ::across].copy(), seen)[::down, ::across])
+    assert not np.array_equal(images[0], luminance)
+    for image in images[1:]:
+        assert image == pytest.approx(images[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("letters", ["WBWG/BWGW/WGWR/GWRW", "RGBW/WWWW/WWWW/WWWW", "RGW/GBW/WWW"])
 def test_other_blocks_stay_as_they_were_filled(letters: str) -> None:
     mosaic = shot(CfaPattern.of_letters(letters))
     assert np.array_equal(recover_luminance(mosaic, BEST.luminance), filled(mosaic))

@@ -80,7 +80,7 @@ def test_there_is_a_network_for_kodaks_tile_and_its_mirror_images() -> None:
 
 
 def test_all_networks_together_are_small() -> None:
-    assert sum(path.stat().st_size for path in NETWORKS.glob("*.onnx")) < 4 * 2**20
+    assert sum(path.stat().st_size for path in NETWORKS.glob("*.onnx")) < 4.5 * 2**20
 
 
 def test_a_pattern_without_a_network_is_rendered_without() -> None:

@@ -1,12 +1,13 @@
 """Learn what corrects filled luminance, `offline.whole.filling`: `python -m tools.training.luminance FOLDER... -o FILE`.
 
-Photographs and drawings are simulated with tiles of K = 4, 6 and 8, without and with noise, and filled by wavelets. From the pixels
+Photographs and drawings are simulated with tiles of several K, without and with noise, and filled by wavelets. From the pixels
 around each block the network foretells what its sites are off by. The same command with as many threads gives the same weights.
 """
 
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -34,7 +35,9 @@ from .graph import write_graph
 _HIDDEN = 128, 64
 _BLOCKS, _BATCH = 3000, 2048  # taken of a picture; and learned from at a time
 _RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
-_PERIODS, _CLEAN, _SIGMAS = (4, 6, 6, 8), 0.4, (0.003, 0.04)  # drawn: K, the share without noise, and its range otherwise
+_BLOCK = {4: ("RG", "GB"), 3: ("RG", "BW")}  # number of sites -> a block of 2 x 2 pixels
+_PERIODS = {4: (4, 6, 6, 8), 3: (4, 4, 5, 6)}  # K, drawn
+_CLEAN, _SIGMAS = 0.4, (0.003, 0.04)  # share without noise, and its range otherwise
 _FAINT = 0.1  # scene units: below this light contrast counts less
 _ENERGY = 2.0  # weight of the energy of errors beside their size
 _KEPT_BACK, _REPORT = 20, 1000  # one picture in so many is kept back; steps between two reports
@@ -42,20 +45,24 @@ _KEPT_BACK, _REPORT = 20, 1000  # one picture in so many is kept back; steps bet
 Example = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-def examples(source: str, number: int) -> Example:
-    """What is seen around some blocks of a picture, what their sites are off by in its units, these units, and the light there."""
+def examples(source: str, number: int, sites: int = 4) -> Example:
+    """What is seen around some blocks of a picture, what their sites are off by in its units, these units, and the light there.
+
+    sites: of a block, 3 or 4.
+    """
     use_threads(1)
     random = np.random.default_rng((0, number))
     scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
     sigma = 0.0 if random.random() < _CLEAN else float(np.exp(random.uniform(*np.log(_SIGMAS))))
-    period = int(random.choice(_PERIODS))
+    period = int(random.choice(_PERIODS[sites]))
     origin = random.integers(period, size=2).tolist()
-    mosaic = simulate_additive(scene, CfaPattern.bayer(period, origin=(origin[0], origin[1])), SensorCalibration(), sigma, random)
+    pattern = CfaPattern.with_block(_BLOCK[sites], period, (origin[0], origin[1]))
+    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
     filled = recover_luminance(mosaic, UNLEARNED.luminance)
     grid = mosaic.pattern.grid(mosaic.shape)
     seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), (grid.whole_rows, grid.whole_columns), mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
-    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down in range(2) for across in range(2)]
+    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down, across, _ in pattern.sites]
     light = filled[np.ix_(grid.whole_rows, grid.whole_columns)].reshape(-1, 1)
     chosen = random.permutation(np.flatnonzero(units[:, 0]))[:_BLOCKS]
     unit = units[chosen]
@@ -74,9 +81,11 @@ def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[s
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
-    network = nn.Sequential(*layers, nn.Linear(sizes[-1], 4))
+    network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
     optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
     turned = [(_turned(SIDE, turns, flip), _turned(2, turns, flip)) for turns in range(4) for flip in (False, True)]
+    # Three sites stay the first three of a block when it is transposed alone.
+    turned = [(pixels, places[: off.shape[1]]) for pixels, places in turned if places[off.shape[1] :].tolist() in ([], [3])]
     order = np.random.default_rng(0)
     for step in range(steps):
         for group in optimiser.param_groups:
@@ -122,7 +131,7 @@ def save(network: nn.Sequential, path: Path) -> None:
         nodes += [] if ends else [helper.make_node("Relu", [found], [given])]
     names = [f"{kind}{layer}" for layer in range(len(weights) // 2) for kind in ("weight", "bias")]
     stored = [numpy_helper.from_array(weight, name) for name, weight in zip(names, weights, strict=True)]
-    sizes = (("seen", SIDE**2 + 1), ("off", 4))
+    sizes = (("seen", SIDE**2 + 1), ("off", len(weights[-1])))
     first, last = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["blocks", size]) for name, size in sizes)
     write_graph(helper.make_graph(nodes, path.stem, [first], [last], stored), path, {})
 
@@ -133,6 +142,7 @@ def main() -> int:
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help="photographs to learn from, in this folder or below")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
     parser.add_argument("--steps", type=int, default=6000, metavar="N", help="of gradient descent (default: 6000)")
+    parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes that simulate (default: 1)")
     arguments, console = parser.parse_args(), Console()
     files = sorted(str(path) for folder in arguments.folders for path in Path(folder).rglob("*.*") if path.suffix != ".md")
@@ -141,15 +151,15 @@ def main() -> int:
     with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:
         progress.stage("examples", len(sources))
         parts = []
-        for part in pool.imap(_examples, enumerate(sources)):
+        for part in pool.imap(partial(_examples, arguments.sites), enumerate(sources)):
             parts.append(part)
             progress.advance()
     save(learn(parts, sources, arguments.steps, console.say), arguments.output)
     return 0
 
 
-def _examples(task: tuple[int, str]) -> Example:
-    return examples(task[1], task[0])
+def _examples(sites: int, task: tuple[int, str]) -> Example:
+    return examples(task[1], task[0], sites)
 
 
 if __name__ == "__main__":
