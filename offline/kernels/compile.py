@@ -1,5 +1,6 @@
 """Numba's decorators with the options that all kernels share, typed, and the kernels' cache on disk."""
 
+import gc
 import hashlib
 import importlib
 import re
@@ -17,6 +18,8 @@ import numpy as np
 from llvmlite import binding
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic as _intrinsic
@@ -104,6 +107,18 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return name is not None and Path(self._cache_path, name).exists()
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Python's collector of cycles would look through all that Numba makes again and again: a twentieth of the time."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
 def _announce() -> None:
     """Tell who listens that a kernel is about to be compiled, and load what Numba then needs."""
     if "numba.np.arraymath" not in sys.modules and _BLAS not in sys.modules:
@@ -142,7 +157,7 @@ class ParallelKernel(Generic[P]):
 
     def compile(self) -> None:
         """Read it from the disk, or compile it and keep it there."""
-        with _compiling:
+        with _compiling, _uncollected():
             if not self.ready:
                 if not isinstance(self._dispatcher._cache, _Cache):
                     _announce()
@@ -192,9 +207,30 @@ def kernel(function: F) -> F:
 
     In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a message about shapes that differ.
     """
-    part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_PartCompiler, **_OPTIONS)(function)
     part.__class__ = _Part
     return part
+
+
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """What kernels link. It is neither optimised nor made machine code by itself: the kernel that links it is, as a whole.
+
+    Both methods belong to Numba's inside. A Numba that calls them otherwise does what it does for any function.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc]
+    def define_pipelines(self) -> Any:
+        if hasattr(self.state.flags, "no_compile"):
+            self.state.flags.no_compile = True
+            self.state.library = _PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]
@@ -204,6 +240,15 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
     def get_call_template(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
         """Numba would compile it again for each constant among its arguments, and for unsigned ones."""
         return super().get_call_template(tuple(map(_general, args)), {name: _general(each) for name, each in kws.items()})
+
+    def add_overload(self, compiled: Any) -> None:
+        """Numba finds functions by their entry points, and a part has none: anything unique stands for it."""
+        if compiled.entry_point is None:
+            compiled = compiled._replace(entry_point=object())
+            self.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
+            self.overloads[tuple(compiled.signature.args)] = compiled
+        else:
+            super().add_overload(compiled)
 
 
 def _length_of_last(*arguments: Any) -> int:

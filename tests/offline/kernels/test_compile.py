@@ -1,6 +1,7 @@
 """Compiling once per machine, and telling who waits."""
 
 import errno
+import re
 import shutil
 import threading
 from pathlib import Path
@@ -8,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba.core.caching import CacheImpl, IndexDataCacheFile
+from numba.core.compiler import Compiler
 
 from offline.kernels import compile as product
 from offline.kernels.highlights import interpolate, raise_clipped
-from shared.arrays import IndexArray
+from shared.arrays import FloatArray, IndexArray
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -92,6 +94,37 @@ def test_kernels_are_counted_and_their_parts_are_not(tmp_path: Path) -> None:
     assert run_python(f"exec(compile(open({str(tmp_path / 'script.py')!r}).read(), {str(tmp_path / 'script.py')!r}, 'exec'))") == (
         "1 True\n2 True\n"
     )
+
+
+def cubed(numbers: FloatArray) -> bool:
+    """Replace numbers by a polynomial of them that a part computes; returns whether the part is machine code of its own."""
+
+    def polynomial(x: float) -> float:
+        return x * x * x + x * 3 + 1
+
+    part = product.kernel(polynomial)
+
+    def replace(pieces: product.Pieces, numbers: FloatArray, /) -> None:
+        for place in range(pieces[0], pieces[1]):
+            numbers[place] = part(numbers[place])
+
+    made = product.ParallelKernel(replace, "f4[::1]", len)
+    made(numbers)
+    (code,) = made._dispatcher.inspect_llvm().values()
+    assert not re.search("call .*polynomial", code)  # it is inlined
+    (compiled,) = vars(part)["overloads"].values()
+    return bool(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def test_parts_become_machine_code_with_their_kernels_alone_and_give_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    numbers = np.random.default_rng(0).random(999, np.float32)
+    alone, ordinary = numbers.copy(), numbers.copy()
+    assert not cubed(alone)
+    with monkeypatch.context() as numba:
+        numba.setattr(product._PartCompiler, "define_pipelines", Compiler.define_pipelines)
+        assert cubed(ordinary)
+    assert alone.tobytes() == ordinary.tobytes() != numbers.tobytes()
 
 
 def more(pieces: product.Pieces, numbers: IndexArray, /) -> None:
