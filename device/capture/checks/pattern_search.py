@@ -6,6 +6,7 @@ average out. With another period, or in rows that do not line up, nothing adds u
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,13 +81,17 @@ class Tiles:
 
     def folded(self, period: int) -> DoubleArray:
         """Mean of the samples of each tile at each place of a K x K square, minus the mean of all places: (N, K, K)."""
-        chosen = []
-        for places in self.places.T:
-            of_place = (places[:, None] + np.arange(self.parts.shape[1])) % period == np.arange(period)[:, None, None]
-            chosen.append(of_place.transpose(1, 0, 2) / of_place.sum(axis=2).T[..., None])
-        down, across = chosen
+        down, across = _averages(self.parts.shape[1], period)[self.places.T % period]
         means = down @ self.parts @ across.transpose(0, 2, 1)
         return means - means.mean(axis=(1, 2), keepdims=True)
+
+
+@lru_cache(maxsize=64)  # a search for the layout of a frame folds a hundred readings of it
+def _averages(side: int, period: int) -> DoubleArray:
+    """Weights of a tile's rows in the mean at each place of a period: (phase of the first row, place, row), (K, K, `side`)."""
+    of_place = np.arange(side) % period == np.arange(period)[:, None]
+    shifted = np.stack([of_place[np.arange(period) - phase] for phase in range(period)])
+    return shifted / shifted.sum(axis=2, keepdims=True)
 
 
 def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
@@ -157,9 +162,9 @@ def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, Do
             continue
         around = np.tile(means, (1, 2, 2))
         here = [around[:, row : row + period, column : column + period] for row, column in np.argwhere(block)]
-        contrast = np.sum(here, axis=0) / np.square(model).sum()
-        contrasts.append(contrast.mean(axis=0))
-        certainties.append(contrast.mean(axis=0) / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
+        contrast = sum(here) / np.square(model).sum()
+        contrasts.append(mean := contrast.mean(axis=0))
+        certainties.append(mean / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
     darker = np.maximum(-np.max(contrasts, axis=0), 0.0)
     filled = block.mean()
     return darker**2 * filled * (1 - filled), -np.max(certainties, axis=0)
@@ -182,7 +187,8 @@ def _local_mean(parts: FloatArray, window: int) -> FloatArray:
     before = min(window // 2, parts.shape[1] - 2)
     after = before - 1 + window % 2
     wide = np.pad(parts, ((0, 0), (before + 1, after), (before + 1, after)), "reflect")
-    sums = wide.cumsum(axis=1, dtype=np.float64).cumsum(axis=2)
+    sums = wide.cumsum(axis=1, dtype=np.float64)
+    sums.cumsum(axis=2, out=sums)
     size = before + after + 1
     box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
     return (box / size**2).astype(np.float32)

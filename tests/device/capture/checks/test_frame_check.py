@@ -18,6 +18,8 @@ from tests.device.packer import pack, random_codes
 from tests.scenes import leaves
 
 SIZE = (192, 256)
+SCENE = leaves(*SIZE)
+GREY = SCENE.mean(axis=2)
 PATTERN = CfaPattern.bayer(6, origin=(2, 1))
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
 TWO_BLOCKS = CfaPattern.of_letters("RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1))
@@ -36,10 +38,7 @@ def taken(scene: FloatArray, pattern: CfaPattern = PATTERN, bits: int = 12, sigm
 
 @cache
 def codes(pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01) -> CodeArray:
-    return taken(np.minimum(leaves(*SIZE) * light, 1.0), pattern, bits, sigma)
-
-
-GREY = leaves(*SIZE).mean(axis=2)
+    return taken(np.minimum(SCENE * light, 1.0), pattern, bits, sigma)
 
 
 def sensor(layout: FrameLayout, pattern: CfaPattern = PATTERN, bits: int = 0) -> Sensor:
@@ -232,9 +231,9 @@ def test_samples_that_are_shifted_up(bits: int, light: float) -> None:
 
 
 def test_sensors_of_another_kind() -> None:
-    scene, bayer = leaves(*SIZE), np.empty(SIZE)
+    bayer = np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
-        bayer[row::2, column::2] = scene[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
+        bayer[row::2, column::2] = SCENE[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
     grey = GREY + np.random.default_rng(0).normal(0, 0.01, SIZE)
     for light, words in ((bayer, "ordinary Bayer sensor"), (grey, "without colour filters")):
         assert words in refusal(pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of())
