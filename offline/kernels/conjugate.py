@@ -39,8 +39,10 @@ def conjugate_gradients(
     worst, used = 0.0, 0
     while used < iterations:
         _sweep(weights, size, planes, used == 0, steps, turns, sums)
-        worst = sums[:, 0].max()
-        if worst <= target:
+        worst, solved = 0.0, True
+        for field in range(SOLVED):
+            worst, solved = max(worst, sums[field, 0]), solved and sums[field, 0] <= target
+        if solved:
             return math.sqrt(worst / norm) if norm > 0 else 0.0, used
         used += 1
         certain = True
