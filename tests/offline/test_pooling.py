@@ -50,7 +50,9 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], setti
         sums = pooling.statistics(
             mosaic.signal.astype(np.float64), light.astype(np.float64), coarse, pattern, gamma, noise, settings.curvature_error
         )
-        expected = chromaticity.extend(pooling.pool(coarse, sums, gamma, pattern, settings.passes, settings.light), pattern, shape)
+        expected = chromaticity.extend(
+            pooling.pool(coarse, sums, gamma, pattern, settings.passes, settings.light, noise), pattern, shape
+        )
         given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
         found = pool_blocks(given, cleaned(mosaic), light, settings)
         assert found.dtype == np.float32

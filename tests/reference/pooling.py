@@ -77,19 +77,21 @@ def pool(
     pattern: CfaPattern,
     passes: tuple[tuple[float, float, int], ...],
     light: float,
+    noise: NoiseModel,
 ) -> DoubleArray:
     """Chromaticities after all passes of pooling, (rows, columns, C).
 
     coarse: chromaticities that the first pass compares, (rows, columns, C).
     sums: what `statistics` returns.
     passes: (blur, tolerance, radius) each; see `PoolingPass`.
-    light: standard deviation of the Gaussian weight of log luminance.
+    light: standard deviation of the Gaussian weight of log luminance. noise: of panchromatic samples too.
     """
     weight, product, luminance = sums
     count = np.bincount([channel for _, _, channel in pattern.sites])
     surer = (count / count.mean()) ** 0.5  # of squared differences
-    variance = 1 / weight.mean(axis=2)
-    brightness = np.log(np.maximum(luminance, 1e-3))
+    own = variance = 1 / weight.mean(axis=2)
+    unsure = np.array([[noise.sigma(value) for value in row] for row in luminance])
+    brightness = np.log(np.maximum(luminance, 1e-3) + 3 * unsure)
     places = list(np.ndindex(*luminance.shape))
     around = [np.stack([blur(plane, 2.5) for plane in np.moveaxis(each, 2, 0)], axis=2) for each in (weight, product)]
     grey, expected = np.full(len(gamma), 1 / sum(gamma)), np.empty_like(coarse)
@@ -97,7 +99,7 @@ def pool(
         expected[here] = solve(around[0][here], around[1][here], gamma, grey, 1.0)
     for std, tolerance, radius in passes:
         smooth = np.stack([blur(plane, std) for plane in np.moveaxis(coarse, 2, 0)], axis=2) if std else coarse
-        following = np.empty_like(coarse)
+        following, left = np.empty_like(coarse), np.empty_like(own)
         for here in places:
             weights, products = np.zeros(len(gamma)), np.zeros(len(gamma))
             for there in places:
@@ -110,5 +112,6 @@ def pool(
                 weights += math.exp(-alike) * weight[there]
                 products += math.exp(-alike) * product[there]
             following[here] = solve(weights, products, gamma, expected[here], (sum(gamma) / 0.42) ** 2)
-        coarse = following
+            left[here] = 0.02 * own[here] + 1 / weights.mean()
+        coarse, variance = following, left
     return coarse

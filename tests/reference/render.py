@@ -64,7 +64,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.detail_gain)
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)
-        coarse = pooling.pool(coarse, sums, gamma, pattern, settings.pooling.passes, settings.pooling.light)
+        coarse = pooling.pool(coarse, sums, gamma, pattern, settings.pooling.passes, settings.pooling.light, noise)
     if settings.trust.used:
         trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.trust.tolerance)
         coarse = trust.with_trusted_colour(coarse, trusted, gamma)
