@@ -182,7 +182,8 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
     found = between(pairs, np.array(neutral) / np.max(neutral))
     if found is not None:
         return found
-    nearest = min(lights, key=lambda each: float(np.ptp(np.log(np.array(each.neutral) / neutral))))
+    apart = [float(np.ptp(np.log(np.array(each.neutral) / neutral))) for each in lights]
+    nearest = lights[apart.index(min(apart))]
     scaled = np.array(nearest.camera_to_xyz) * nearest.neutral / neutral
     return as_rows(scaled * (np.max(neutral) / max(nearest.neutral)))
 

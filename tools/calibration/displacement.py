@@ -114,7 +114,7 @@ def _variances(shot: Edges, light: DisplacedLuminance) -> tuple[DoubleArray, Dou
     """Return the variance of samples about what luminance predicts, (N, S): what is known, and what filling adds, to a factor."""
     square = _ratio(shot, light.value)[:, shot.channel] ** 2
     floor = (_COARSE * np.abs(shot.sample).mean(axis=1, keepdims=True)) ** 2
-    filled = light.fill_variance + _COLOURED**2 * (light.down**2 + light.right**2)
+    filled = light.fill_variance + _COLOURED**2 * (np.square(light.down) + np.square(light.right))
     return shot.variance + floor + square * shot.noise + np.finfo(np.float32).tiny, square * filled
 
 
