@@ -119,10 +119,15 @@ def _shots() -> dict[str, bytes]:
     return made
 
 
-@lru_cache
-def _deflated() -> bytes:
-    """300 MB of zeros in a thousandth of the space."""
-    return zlib.compress(bytes(300 << 20), 9)
+def zeros(count: int) -> bytes:
+    """The zlib stream of so many zeros, in a thousandth of the space: one megabyte again and again, so that it takes no time."""
+    whole, last = (zlib.compressobj(9, wbits=-15) for _ in range(2))
+    megabyte = whole.compress(bytes(1 << 20)) + whole.flush(zlib.Z_FULL_FLUSH)
+    end = last.compress(bytes(count % (1 << 20))) + last.flush()
+    return b"\x78\xda" + megabyte * (count >> 20) + end + struct.pack(">I", count % 65521 << 16 | 1)
+
+
+_DEFLATED = zeros(300 << 20)
 
 
 def _tiffs() -> dict[str, bytes]:
@@ -130,15 +135,15 @@ def _tiffs() -> dict[str, bytes]:
     flat = np.zeros((12000, 12000), np.uint8)
     strips: dict[str, tuple[int, bytes | bytearray]] = {
         "jpeg": (7, _claim("progressive")),
-        "jpeg2000": (34712, imagecodecs.jpeg2k_encode(flat)),
+        "jpeg2000": (34712, imagecodecs.jpeg2k_encode(flat[:9000, :9000])),
         "lerc": (34887, imagecodecs.lerc_encode(flat)),
         "jpegxl": (50002, imagecodecs.jpegxl_encode(flat, effort=1)),
         "jpegxr": (34934, imagecodecs.jpegxr_encode(flat)),
-        "png": (34933, imagecodecs.png_encode(flat)),
+        "png": (34933, png(side=len(flat), bits=8, colour=0, samples=zeros(flat.size + len(flat)))),
         "webp": (50001, imagecodecs.webp_encode(np.zeros((8000, 8000, 3), np.uint8), lossless=True)),
         "lzma": (34925, lzma.compress(bytes(300 << 20), preset=0)),
         "zstd": (50000, imagecodecs.zstd_encode(bytes(300 << 20))),
-        "inflate": (8, _deflated()),
+        "inflate": (8, _DEFLATED),
         "packbits": (32773, b"\x81\0" * 1_000_000),
     }
     grey: Fields = {256: SIDE, 257: SIDE, 258: 8, 262: 1, 277: 1}
@@ -147,11 +152,11 @@ def _tiffs() -> dict[str, bytes]:
     names: Fields = {33421: [2, 2], 33422: bytes([0, 1, 1, 2]), 271: b"Camera\0", 272: b"Camera\0"}
     noise = zlib.compress(np.random.default_rng(0).bytes(400_000), 1)
     side = 13_000  # grey that inflates to 200 times its size, and as a scene to twelve times as much again
-    even = zlib.compress(bytes(side * side), 9).ljust(side * side // 199, b"\0")
+    even = zeros(side * side).ljust(side * side // 199, b"\0")
     return {
         **{f"{name}.tif": tiff(grey | {259: kind, 278: SIDE}, [bytes(strip)]) for name, (kind, strip) in strips.items()},
-        "tile.tif": tiff(grey | {259: 8, 322: 20000, 323: 20000}, [_deflated()]),
-        "deflate.tif": tiff(grey | {256: 16000, 257: 16000, 259: 8, 278: 16000}, [_deflated()]),
+        "tile.tif": tiff(grey | {259: 8, 322: 20000, 323: 20000}, [_DEFLATED]),
+        "deflate.tif": tiff(grey | {256: 16000, 257: 16000, 259: 8, 278: 16000}, [_DEFLATED]),
         "grey.tif": tiff(grey | {256: side, 257: side, 259: 8, 278: side}, [even]),
         "overlap.tif": tiff(grey | {256: 20, 257: 20_000, 259: 8, 278: 1}, [noise] * 20_000, different=1),
         "rows.tif": tiff(_linear(20, 65536, 8, 1) | {50706: b"", 262: 2}, [raw] * 65536),
@@ -170,7 +175,7 @@ def _linear(width: int, height: int, compression: int, rows: int) -> Fields:
 
 
 def _pngs() -> dict[str, bytes]:
-    deflate, text = _deflated(), zlib.compress(bytes(1_000_000), 9)
+    deflate, text = _DEFLATED, zlib.compress(bytes(1_000_000), 9)
     return {
         "header.png": png(side=60000, colour=2, samples=b""),
         "header16.png": png(side=60000, bits=16, colour=2, samples=b""),
@@ -181,7 +186,7 @@ def _pngs() -> dict[str, bytes]:
         "profile.png": png(chunk(b"iCCP", b"a\0\0" + deflate)),
         "chunks.png": png(chunk(b"zzZz", b"") * 3_000_000),
         "samples.png": png(chunk(b"IDAT", b"") * 3_000_000),
-        "flat.png": picture("PNG", np.zeros((8000, 8000, 3), np.uint8)),
+        "flat.png": png(side=8000, colour=2, samples=zeros(8000 * (3 * 8000 + 1))),
     }
 
 

@@ -1,6 +1,7 @@
 """Two hundred damaged files, and the fuzzer seen to catch what it is for."""
 
 import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -64,6 +65,7 @@ def test_a_reader_that_crashes_hangs_or_swells_is_caught(does: str, says: str, m
 
 def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
     """All in one process, whose peak bounds that of each. The command measures them one by one."""
+    assert zlib.decompress(bombs.zeros(3_000_000)) == bytes(3_000_000)
     paths = [bombs.write(name, tmp_path) for name in bombs.bombs()]
     script = (
         "import sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
