@@ -80,7 +80,7 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     for rows in strips(len(mean), _STRIP):  # for memory
         top = max(rows.start - _REACH, 0)
         around, kept = slice(top, rows.stop + _REACH), slice(rows.start - top, rows.stop - top)
-        shown = light[:, around], seen[:, around], estimated[:, around] * gamma * mean[around]
+        shown = light[:, around], seen[:, around], estimated[:, around] * gamma * mean[around], mean[around]
         lines = _around(frame, shown, strokes[around], noise[around], unclipped[around])
         found.offset[:, rows], found.slope[:, rows], found.share[rows] = (
             each[..., kept, :] for each in (lines.offset, lines.slope, lines.share)
@@ -89,24 +89,22 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
 
 
 def _around(
-    frame: Cleaned, shown: tuple[FloatArray, FloatArray, FloatArray], strokes: FloatArray, noise: FloatArray, unclipped: BoolArray
+    frame: Cleaned, shown: tuple[FloatArray, ...], strokes: FloatArray, noise: FloatArray, unclipped: BoolArray
 ) -> ColourLines:
     """The lines around some rows of blocks.
 
-    shown: luminance, share of each channel in it, as samples show it and as it was estimated, (C, rows, columns).
-    strokes, noise: as of `_errors`. unclipped: blocks whose samples tell the light, (rows, columns).
+    shown: luminance at the sites, share of each channel in it, as samples show it and as it was estimated, (C, rows, columns);
+    mean of luminance, (rows, columns). strokes, noise: as of `_errors`. unclipped: blocks whose samples tell the light, (rows, columns).
     """
-    (light, seen, expected), dark = shown, _DARK * frame.level
-    mean = np.maximum(light.mean(axis=0), np.float32(dark))
+    (light, seen, expected, mean), dark = shown, _DARK * frame.level
     even: FloatArray = strokes + (np.float32(EVEN) * mean) ** 2
     known = np.maximum(unclipped.astype(np.float32), np.float32(_UNKNOWN))
-    departure = (np.float32(_LINEAR / len(seen)) * mean) ** 2 + np.float32((_FAINT * frame.level) ** 2)
+    departure = np.square(np.float32(_LINEAR / len(seen)) * mean) + np.float32((_FAINT * frame.level) ** 2)
     lines = _fitted(light, seen, known / (even + noise), known / (strokes + noise + departure), noise, dark)
     variance = even + strokes  # of luminance, and of the sample
     weight = known / (variance + noise)
     lines = _led(lines, light, seen, mean, weight)
-    rest, apart = seen - lines.at(light), expected - lines.at(mean)
-    rest -= rest.mean(axis=0)
+    rest, apart = _rest(lines, light, seen), expected - lines.at(mean)
     # A line follows the noise of the blocks that lead it, and leaves less of it in their samples.
     followed = noise * np.float32((len(seen) - 1) / (4 * np.pi * _CLOSE**2))
     power, common = _apart(apart), np.einsum("iyx,iyx->yx", apart, rest) + followed
@@ -196,14 +194,20 @@ def _led(lines: ColourLines, light: FloatArray, seen: FloatArray, mean: FloatArr
 
     light, seen: as in `_fitted`. mean: luminance, (rows, columns). weight: inverse of the variance of `seen`, (rows, columns).
     """
-    rest = seen - lines.at(light)
-    rest -= rest.mean(axis=0)
+    rest = _rest(lines, light, seen)
     power = smoothed(weight * mean**2, _CLOSE) + np.float32(_TINY)
     tint = smoothed(weight * mean * rest, _CLOSE) / power
     # The sum of squared weights, where a Gaussian squared is a narrower Gaussian.
     error = smoothed(weight * mean**2, _CLOSE / 2**0.5) / power * np.float32((len(seen) - 1) / (4 * np.pi * _CLOSE**2)) / power
     tint *= np.maximum(1 - error / np.maximum((tint**2).sum(axis=0), np.float32(_TINY)), 0)  # James and Stein
     return replace(lines, slope=lines.slope + tint)
+
+
+def _rest(lines: ColourLines, light: FloatArray, seen: FloatArray) -> FloatArray:
+    """What is seen of the channels beside their lines, but for luminance; light, seen: as in `_fitted`."""
+    rest = seen - lines.at(light)
+    rest -= rest.mean(axis=0)
+    return rest
 
 
 def _inked(
@@ -218,8 +222,7 @@ def _inked(
 
     light, seen, weight: as in `_led`. uncertain, independent: as in `_likelihood`.
     """
-    mean, rest = light.mean(axis=0), seen - lines.at(light)
-    rest -= rest.mean(axis=0)
+    mean, rest = light.mean(axis=0), _rest(lines, light, seen)
     middle, square = (smoothed(weight * mean**power, _INK) for power in (1, 2))
     bright = square / (middle + np.float32(_TINY))
     darker, tint = mean - bright, np.zeros_like(rest)
