@@ -94,7 +94,8 @@ def _around(
     """The lines around some rows of blocks.
 
     shown: luminance at the sites, share of each channel in it, as samples show it and as it was estimated, (C, rows, columns);
-    mean of luminance, (rows, columns). strokes, noise: as of `_errors`. unclipped: blocks whose samples tell the light, (rows, columns).
+    mean of luminance, (rows, columns). strokes, noise: as of `_errors`.
+    unclipped: blocks whose samples tell the light, (rows, columns).
     """
     (light, seen, expected, mean), dark = shown, _DARK * frame.level
     even: FloatArray = strokes + (np.float32(EVEN) * mean) ** 2

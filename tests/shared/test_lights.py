@@ -96,6 +96,13 @@ def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: i
     np.testing.assert_allclose(np.array(colours_under(lights, None)) @ (mixed @ COLD @ D50), D50, rtol=0.3)
 
 
+def test_where_no_light_looks_so_the_channels_of_the_nearest_are_scaled() -> None:
+    for each in LIGHTS:
+        leaves = np.array(each.neutral) * (1, 30, 1)
+        found, expected = np.array(colours_under(LIGHTS, tuple(leaves))), np.array(each.camera_to_xyz) * each.neutral / leaves
+        np.testing.assert_allclose(found / found.max(), expected / expected.max(), rtol=1e-9)
+
+
 def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
     for neutral in (LIGHTS[0].neutral, SHOT):
         expected = colours_under(LIGHTS, neutral)
