@@ -20,15 +20,18 @@ onnxruntime.disable_telemetry_events()
 __all__ = ["onnxruntime", "session"]
 
 
-def session(model: Path | bytes) -> Any:
+def session(model: Path | bytes, *, as_written: bool = False) -> Any:
     """An onnxruntime session, which computes in the calling thread; any number of threads may call it.
 
     model: an ONNX file of ours, or its bytes.
+    as_written: run the nodes in the order of the file as far as possible, not in the one that onnxruntime chooses.
     Raises InputError, which does not name the file, when onnxruntime cannot run it.
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # our pieces run in parallel instead
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    if as_written:
+        options.execution_order = onnxruntime.ExecutionOrder.PRIORITY_BASED
     options.log_severity_level = 4  # errors are raised anyway
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
