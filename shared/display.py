@@ -142,7 +142,7 @@ class ColourTransform:
         return result
 
     def saturated(self, rgb: FloatArray) -> ByteArray | None:
-        """How far each pixel is saturated, for `whitened`: uint8 (H, W), 255 = quite; None if highlights are restored.
+        """How far each pixel is saturated, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or highlights are restored.
 
         rgb: (H, W, C), scene units.
         """
@@ -193,21 +193,28 @@ class ColourTransform:
                 yield rows, output, plane
 
     def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
-        """How far each pixel of (C, rows, W), scene units, is what the shot could not measure, 0 to 1; None if it is white anyway.
+        """How far each pixel of (C, rows, W), scene units, is not what the light was, 0 to 1; None: it is, or is white anyway.
 
         darker: factor by which the picture is darkened, at most 1.
         """
+        if self.weights is None and darker * self.brightest >= 1:
+            return None
+        first, last = _RESTORED if self.weights is None else SATURATED
+        if self._level(planes.max(axis=(1, 2))) <= np.float32(first):  # the level grows with every channel
+            return None
+        return ((self._level(planes) - np.float32(first)) / np.float32(last - first)).clip(0, 1)
+
+    def _level(self, planes: FloatArray) -> FloatArray:
+        """Light (C, ...), scene units, as a fraction of what the shot could measure."""
         if self.weights is None:
-            if darker * self.brightest >= 1:
-                return None
-            level, (first, last) = planes[0] / np.float32(self.white[0] * self.brightest), _RESTORED
+            level: FloatArray = planes[0] / np.float32(self.white[0] * self.brightest)
             for plane, white in zip(planes[1:], self.white[1:], strict=True):
-                np.minimum(level, plane / np.float32(white * self.brightest), out=level)
+                level = np.minimum(level, plane / np.float32(white * self.brightest))
         else:
-            level, (first, last) = np.float32(self.weights[0]) * planes[0], SATURATED
+            level = np.float32(self.weights[0]) * planes[0]
             for plane, weight in zip(planes[1:], self.weights[1:], strict=True):
-                level += np.float32(weight) * plane
-        return ((level - np.float32(first)) / np.float32(last - first)).clip(0, 1)
+                level = level + np.float32(weight) * plane
+        return level
 
 
 def check_exposure(exposure: float) -> None:
