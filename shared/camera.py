@@ -134,8 +134,7 @@ def read_camera(path: Path | str) -> Camera:
     (0.9, 1.1, 0.8)
     """
     try:
-        text = read_text(path, MAX_DOCUMENT, "a camera file")
-        return Camera.from_json(parsed_json(text))
+        return Camera.from_json(parsed_json(read_text(path, MAX_DOCUMENT, "a camera file")))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

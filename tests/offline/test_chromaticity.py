@@ -148,8 +148,7 @@ def test_noise_pulls_towards_grey() -> None:
 def test_noise_is_that_of_the_colour_planes_at_the_mean_colour_sample() -> None:
     pattern, shape = CASES["odd"]
     noise = NoiseModel((0.2, 0.1, 0.3, 9.0), (0.1, 0.2, 0.05, 9.0))
-    scene = materials(shape, 3)
-    dark = observe(scene, pattern, gamma_of(pattern))
+    dark = observe(materials(shape, 3), pattern, gamma_of(pattern))
     mosaic = Mosaic(dark.signal, pattern, replace(dark.calibration, noise=noise))
     found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), NO_MEDIANS)
     # The mean of the channels' means and the mean of all samples differ by what the greens, of which there are two, differ.

@@ -40,8 +40,7 @@ def test_equals_the_reference_in_any_pieces(model: NoiseModel, piece: int, monke
     settings = replace(SETTINGS, strength=0.8)
     uncertain = ~mosaic.pattern.panchromatic_mask(mosaic.shape)
     expected = reference.denoise_luminance(plane, uncertain, model.shot[-1], model.read[-1], settings)
-    found = denoise_luminance(plane.astype(np.float32), mosaic, settings)
-    assert_close(found, expected, FLOAT32)
+    assert_close(denoise_luminance(plane.astype(np.float32), mosaic, settings), expected, FLOAT32)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -48,8 +48,7 @@ def test_a_highlight_comes_back_to_the_limit_of_the_colour_samples(colour: tuple
 
 def test_past_all_limits_it_is_white_and_grows_smoothly() -> None:
     """The wall is white and the light far too strong: hue stays white, and luminance has no dip on the way up."""
-    scene = lamp(12.0, NEUTRAL)
-    found = render(exposed(scene), BEST).rgb / np.array(NEUTRAL)
+    found = render(exposed(lamp(12.0, NEUTRAL)), BEST).rgb / np.array(NEUTRAL)
     assert (found.max(axis=2) / found.min(axis=2))[6:-6, 6:-6].max() < 1.15
     line = found[36, 8:40].mean(axis=1)
     assert np.diff(line).min() > -0.12
@@ -80,8 +79,7 @@ def test_what_is_not_clipped_is_not_touched() -> None:
 
 
 def test_samples_without_a_limit_are_not_clipped() -> None:
-    scene = lamp(12.0, NEUTRAL)
-    mosaic = exposed(scene)
+    mosaic = exposed(lamp(12.0, NEUTRAL))
     floating = Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration)
     assert clipping_level(floating) == np.inf
     assert restore_highlights(cleaned(floating), BEST.highlights).mosaic is floating
@@ -104,8 +102,7 @@ def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[in
 
 
 def test_everything_saturated_is_white() -> None:
-    mosaic = exposed(np.full((24, 24, 3), 9.0, np.float32))
-    found = render(mosaic, BEST).rgb
+    found = render(exposed(np.full((24, 24, 3), 9.0, np.float32)), BEST).rgb
     assert np.allclose(found / np.array(NEUTRAL), LIMIT / min(NEUTRAL), rtol=0.01)
 
 
@@ -190,8 +187,7 @@ def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     scene[:, 31:] = np.array(NEUTRAL) * 20
     mosaic = exposed(scene.astype(np.float32))
     found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
-    picture = shown.apply(shown.whitened(found.rgb, found.lost), -2)
-    assert picture[:, 31:].min() > 0.98
+    assert shown.apply(shown.whitened(found.rgb, found.lost), -2)[:, 31:].min() > 0.98
     assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.9
     assert not found.lost[:, :28].any()
 

@@ -121,8 +121,7 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPatter
     rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
     light = np.ascontiguousarray(rgb.sum(axis=2))
     part = Part(0, light, rgb / light[..., None])
-    mosaic = simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0))
-    sites = sampled(mosaic, light)
+    sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
     black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
     part = replace(part, missed=Missed(sites, ONES)(black, (0, shape[0])).missed)
     cells = Cells.of(sites.sites)
@@ -260,8 +259,7 @@ def test_no_channel_gains_or_loses_more_than_all_light() -> None:
     pattern, random = CfaPattern.bayer(6), np.random.default_rng(0)
     dark = random.uniform(-1, 0.5, (66, 78, 3)).astype(np.float32) * 30
     mosaic = simulate_additive(dark, pattern, GREY, 0.0, random)
-    found = render(mosaic, BEST)
-    assert np.abs(found.chromaticity - render(mosaic, WITHOUT).chromaticity).max() <= 1.001
+    assert np.abs(render(mosaic, BEST).chromaticity - render(mosaic, WITHOUT).chromaticity).max() <= 1.001
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
@@ -285,5 +283,4 @@ def test_bands_of_a_frame_without_whole_tiles() -> None:
 def test_codes_at_the_limit_stay_finite() -> None:
     codes = np.full((60, 60), 4095, np.uint16)
     codes[20:40, 20:40] = 300
-    found = render(Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))).rgb
-    assert np.isfinite(found).all()
+    assert np.isfinite(render(Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))).rgb).all()

@@ -123,8 +123,7 @@ def test_print_has_the_colours_of_ink_and_paper() -> None:
 
 def test_several_colours_of_one_luminance_are_no_line() -> None:
     colours = np.random.default_rng(0).uniform(0.2, 1, (15, 15, 3)).repeat(10, axis=0).repeat(10, axis=1)
-    lines = lines_of(colours / colours.sum(axis=2, keepdims=True), CfaPattern.bayer(6))
-    assert lines.share.max() < 0.1
+    assert lines_of(colours / colours.sum(axis=2, keepdims=True), CfaPattern.bayer(6)).share.max() < 0.1
 
 
 def test_what_many_blocks_agree_on_is_kept() -> None:

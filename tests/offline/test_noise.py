@@ -62,8 +62,7 @@ def test_clipped_parts_do_not_count() -> None:
     rgb[:, 300:] = 1
     mosaic = noisy(rgb, CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
     cut = Mosaic(np.minimum(mosaic.signal, 2.99), mosaic.pattern, mosaic.calibration)
-    found = estimate_noise(cut)
-    assert found.sigma(0.5) == pytest.approx(0.02, rel=ACCURACY)
+    assert estimate_noise(cut).sigma(0.5) == pytest.approx(0.02, rel=ACCURACY)
 
 
 def test_what_the_calibration_knows_is_not_estimated() -> None:

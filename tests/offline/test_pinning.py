@@ -44,8 +44,7 @@ def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
 @pytest.mark.parametrize("sigma", [None, 0.05])
 @pytest.mark.parametrize("height", [40, 70, 333])
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
-    mosaic = shot(KODAK, (333, 37), sigma)
-    part, measured = pictured(mosaic)
+    part, measured = pictured(shot(KODAK, (333, 37), sigma))
     whole = pinned(part, measured, measured.samples)
     missed = Missed(measured.samples, measured.gamma)(part, (0, 333))
     pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
@@ -112,8 +111,7 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
 
 
 def test_noise_alone_moves_nothing() -> None:
-    mosaic = shot(KODAK, (90, 90), None)
-    part, measured = pictured(mosaic)
+    part, measured = pictured(shot(KODAK, (90, 90), None))
     samples = measured.samples
     seen = np.stack(
         [
@@ -129,8 +127,7 @@ def test_noise_alone_moves_nothing() -> None:
 
 def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say more than they did."""
-    mosaic = shot(KODAK, (90, 90), None)
-    part, measured = pictured(mosaic)
+    part, measured = pictured(shot(KODAK, (90, 90), None))
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
     assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6

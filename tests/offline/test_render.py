@@ -78,8 +78,7 @@ def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(pattern: C
     measured = pattern.panchromatic_mask(shape)
     assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
     # Eq. 7 holds for what comes out: seen by the same sensor, panchromatic pixels read what they read.
-    again = luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma)
-    assert_close(again, found.luminance, 1e-5)
+    assert_close(luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma), found.luminance, 1e-5)
 
 
 @every_case
@@ -87,8 +86,7 @@ def test_a_flat_scene_returns_from_simulation_as_it_was(pattern: CfaPattern, sha
     calibration = observe(np.ones((*shape, len(pattern.channels))), pattern, gamma_of(pattern)).calibration
     colour = np.linspace(0.1, 1.0, len(pattern.channels), dtype=np.float32)
     scene = np.broadcast_to(colour, (*shape, len(colour)))
-    mosaic = simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0))
-    found = render(mosaic, PAPER)
+    found = render(simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0)), PAPER)
     assert_close(found.rgb, scene, FILLED)
     measured = pattern.panchromatic_mask(shape)
     interior = np.zeros(shape, bool)
@@ -151,8 +149,7 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
     """The network's cells there see nothing at all."""
     scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
     scene[:80] = 0
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0))
-    found = render(mosaic, BEST)
+    found = render(simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST)
     assert np.isfinite(found.chromaticity).all()
     assert np.abs(found.rgb[:64]).max() < 1e-6
 

@@ -66,8 +66,7 @@ def test_a_grey_wall_without_noise_is_exact_and_noise_makes_it_uncertain() -> No
     stated = []
     for sigma in (0.0, 0.01, 0.03):
         mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), sigma, np.random.default_rng(0))
-        found = render(mosaic, uncertainty=True).uncertainty
-        stated.append(np.median(found, axis=(0, 1)))
+        stated.append(np.median(render(mosaic, uncertainty=True).uncertainty, axis=(0, 1)))
     assert stated[0].max() < 1e-4
     assert (stated[1] > 10 * stated[0]).all()
     assert (stated[2] > 1.5 * stated[1]).all()

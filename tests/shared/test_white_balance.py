@@ -24,8 +24,7 @@ def shot(light: tuple[float, ...] = LIGHT, level: float = 0.8, period: int = 6, 
 @pytest.mark.parametrize("origin", [(0, 0), (5, 0), (3, 5)])
 @pytest.mark.parametrize("period", [4, 6])
 def test_the_estimate_is_the_light_wherever_the_blocks_lie(period: int, origin: tuple[int, int]) -> None:
-    found = estimate_neutral(shot(period=period, origin=origin))
-    assert found == pytest.approx(LIGHT, abs=0.05)
+    assert estimate_neutral(shot(period=period, origin=origin)) == pytest.approx(LIGHT, abs=0.05)
 
 
 def test_codes_and_scene_units_give_the_same_estimate() -> None:

@@ -116,8 +116,7 @@ def test_a_command_that_fails_at_once_leaves_no_folder(tmp_path: Path, monkeypat
 def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("old")
-    outcome = run(*INTO[verb], folder, code=2)
-    (line,) = outcome.err.splitlines()
+    (line,) = run(*INTO[verb], folder, code=2).err.splitlines()
     assert line.startswith(f"panchroma: {folder}")
     assert words in line
     assert names(tmp_path) == {"file"}
@@ -152,8 +151,7 @@ def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyP
         raise RuntimeError("odd")
 
     monkeypatch.setattr(inspect, "run", fail)
-    outcome = run("inspect", "x.dng", code=1)
-    (line,) = outcome.err.splitlines()
+    (line,) = run("inspect", "x.dng", code=1).err.splitlines()
     assert line.startswith("panchroma: a fault of Panchroma, please report it: RuntimeError in cli.py:")  # the last place of ours
     assert line.endswith(": odd")
 

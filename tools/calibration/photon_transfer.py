@@ -58,8 +58,7 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
         coefficients, _ = nnls(signed[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
         predicted = np.maximum(signed @ coefficients + offset, np.maximum(_LEAST_SHARE * variance, 1e-15))
         score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
-        spread = max(1.0, robust_deviation(score))
-        kept = score <= _HIGH * spread
+        kept = score <= _HIGH * max(1.0, robust_deviation(score))
         if kept.sum() < 2:
             kept = np.ones(mean.size, bool)
     weight = np.sqrt((count - 1) / 2) / predicted

@@ -41,5 +41,4 @@ def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
                 f"the list of defects has row {row}, column {column}, the shot {rows} rows and {columns} columns: "
                 "it belongs to another sensor, or has columns before rows"
             )
-    calibration = replace(mosaic.calibration, defects=mosaic.calibration.defects + places)
-    return mosaic.calibrated(calibration)
+    return mosaic.calibrated(replace(mosaic.calibration, defects=mosaic.calibration.defects + places))

@@ -77,5 +77,4 @@ def shard_of(output: str, count: int) -> int:
 
     The path alone decides: machines agree without communication, and a new file does not change the part of any other.
     """
-    digest = hashlib.sha256(os.fsencode(output)).digest()
-    return int.from_bytes(digest[:8], "big") % count + 1
+    return int.from_bytes(hashlib.sha256(os.fsencode(output)).digest()[:8], "big") % count + 1

@@ -117,8 +117,7 @@ def test_a_coloured_light_is_white_where_it_is_saturated(light: tuple[float, ...
     """Its blocks do not add up to luminance that is cut off, so that a channel came out negative, and the light pure yellow."""
     pattern, calibration = CfaPattern.bayer(6), SensorCalibration.of_bits(12)
     samples = np.minimum(sample(np.full((60, 60, 3), light, np.float32), pattern, calibration), calibration.full_scale)
-    mosaic = Mosaic(samples, pattern, calibration)
-    assert Preview(pattern, scale).run(mosaic).min() >= 254
+    assert Preview(pattern, scale).run(Mosaic(samples, pattern, calibration)).min() >= 254
 
 
 def test_greys_are_grey_from_black_to_white() -> None:
@@ -168,8 +167,7 @@ def test_every_constant_matters(module: ModuleType, name: str, monkeypatch: pyte
 
 @pytest.mark.parametrize("name", [contract.BLACK, contract.SCALE, contract.GAMMA, contract.NOISE, contract.WHITE, contract.MATRIX])
 def test_every_element_of_every_input_matters(name: str) -> None:
-    mosaic = Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION)
-    preview = Preview(mosaic.pattern, threads=1)
+    preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
     inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: codes((48, 54))}
     before = preview._session.run(None, inputs)[0]
     for place in np.ndindex(inputs[name].shape):

@@ -57,8 +57,7 @@ def test_frames_of_any_size(shape: tuple[int, int]) -> None:
 def test_large_frames_are_compared_at_half_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(levels, "_LARGEST", 10_000)
     shape = (211, 304)
-    found = aligned(seen(Motion(), shape), seen(MOVED, shape))
-    assert error(found.motion, MOVED, shape).max() < 3 * BETWEEN
+    assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 3 * BETWEEN
 
 
 def test_samples_of_the_sensor_and_noise() -> None:

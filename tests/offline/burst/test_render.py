@@ -114,8 +114,7 @@ def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
 
 def test_the_published_settings_work_too() -> None:
     frames = shots(0.0, MOTIONS[:3])
-    merged = merge_burst(frames, PAPER, reference=0)
-    found = np.concatenate(list(render_burst_bands(merged, PAPER)))
+    found = np.concatenate(list(render_burst_bands(merge_burst(frames, PAPER, reference=0), PAPER)))
     assert psnr(found, scene(MOTIONS[0])) > psnr(render(frames[0], PAPER).rgb, scene(MOTIONS[0]))
 
 

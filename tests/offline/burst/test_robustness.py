@@ -124,8 +124,7 @@ def test_an_odd_frame_is_refused_by_name_and_is_no_reference(reason: str, sigma:
 def test_other_sensors_are_refused_and_other_codes_are_not() -> None:
     shots = taken([light(shift) for shift in _SHIFTS])
     grbg = taken([light(_SHIFTS[1])])[0]
-    other = CfaPattern.bayer(6, "GRBG")
-    shots[1] = replace(grbg, pattern=other)
+    shots[1] = replace(grbg, pattern=CfaPattern.bayer(6, "GRBG"))
     shots[2] = replace(shots[2], calibration=SensorCalibration(gamma=(0.8, 1, 1)))
     shots[3] = replace(shots[3], calibration=SensorCalibration.of_bits(12))
     frames = merge_burst(shots, _SETTINGS, reference=0).frames

@@ -61,8 +61,7 @@ def test_replacements_are_those_of_the_definition(pattern: CfaPattern, shape: tu
 @every_case
 def test_surroundings_are_weighted_by_distance(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     signal, _ = speckled(shape)
-    mosaic = Mosaic(signal, pattern, SensorCalibration(pattern.channels))
-    frame = cleaned(mosaic)
+    frame = cleaned(Mosaic(signal, pattern, SensorCalibration(pattern.channels)))
     (light, lowest, highest), (rows, columns) = frame.around, frame.sites.pixels
     block = geometry.block(pattern)
     for i, j in np.ndindex(frame.sites.shape):

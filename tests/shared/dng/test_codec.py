@@ -87,8 +87,7 @@ def test_another_order_of_the_channels_survives() -> None:
 def test_scene_units_are_stored_as_codes() -> None:
     original = mosaic()
     scene = Mosaic(original.signal, original.pattern, original.calibration, METADATA)
-    read = decode_dng(encode_dng(scene, preview()))
-    np.testing.assert_array_equal(read.samples, scene.codes)
+    np.testing.assert_array_equal(decode_dng(encode_dng(scene, preview())).samples, scene.codes)
 
 
 def test_the_same_mosaic_gives_the_same_bytes() -> None:

@@ -163,8 +163,7 @@ def test_a_place_is_whole_or_not_there() -> None:
 
 def test_numbers_of_other_types_are_taken_over_in_exifs_own() -> None:
     exif: Fields = {37385: (FieldType.LONG, [16]), 37383: (FieldType.BYTE, b"\5"), Tag.LENS_SPECIFICATION: (SHORT, [24, 70, 2, 4])}
-    shown = shown_fields(read({}, exif))
-    assert shown == {"Flash": [16], "MeteringMode": [5], "LensSpecification": [24, 70, 2, 4]}
+    assert shown_fields(read({}, exif)) == {"Flash": [16], "MeteringMode": [5], "LensSpecification": [24, 70, 2, 4]}
 
 
 def test_exif_in_the_first_directory_is_found_as_tiff_ep_has_it() -> None:

@@ -163,8 +163,7 @@ def test_tiles_of_jpeg_are_put_together() -> None:
         np.ascontiguousarray(padded[top : top + 16, left : left + 32]) for top in range(0, 48, 16) for left in range(0, 64, 32)
     ]
     strips = [raw_directory(tile, 12, Photometric.LINEAR_RAW).strips[0] for tile in tiles]
-    data = tampered({322: (FieldType.SHORT, [32]), 323: (FieldType.SHORT, [16])}, strips)
-    assert same(decode_dng(data), original)
+    assert same(decode_dng(tampered({322: (FieldType.SHORT, [32]), 323: (FieldType.SHORT, [16])}, strips)), original)
 
 
 def test_changed_samples_are_told() -> None:
@@ -210,8 +209,7 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
 
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
-    rgb = np.random.default_rng(4).random((8, 12, 3), np.float32)
-    data = picture_dng(rgb)
+    data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
     assert codec.verify(data) == (8, 12)
     turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
     turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))

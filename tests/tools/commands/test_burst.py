@@ -127,8 +127,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     ],
 )
 def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("burst", taken, "-o", tmp_path / "new", *options, code=2)
-    assert words in outcome.err.splitlines()[-1]
+    assert words in run("burst", taken, "-o", tmp_path / "new", *options, code=2).err.splitlines()[-1]
     assert names(tmp_path) == set()
 
 
@@ -137,8 +136,7 @@ def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, o
 
 def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
     shutil.copy(frame(frames, 1), frames / "rose-1.dng")
-    outcome = run("burst", frames, "-o", out, code=2)
-    assert "rose-1.dng; name the files of one" in outcome.errors[0]
+    assert "rose-1.dng; name the files of one" in run("burst", frames, "-o", out, code=2).errors[0]
     assert names(out) == set()
 
 
@@ -292,8 +290,7 @@ def test_a_burst_that_needs_too_much_memory_is_refused(taken: Path, out: Path) -
 def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path) -> None:
     odd = save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
     merged(frames, out, "--report", str(out), "--exposure", "0.5")
-    path = out / f"{STEM}.html"
-    page = path.read_text()
+    page = (out / f"{STEM}.html").read_text()
     for words in ("3 of 4 frames are in the picture", f"{odd}: it has 70 x 60 pixels", "Where frames were merged", "Motion"):
         assert words in page
     assert page.count("<img ") == 2 + 2 * page.count('class="twins"') + 1

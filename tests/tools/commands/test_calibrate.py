@@ -31,8 +31,7 @@ STEPS: dict[str, list[str]] = {
 def calibrated(folder: Path, output: Path, *steps: str) -> dict[str, Any]:
     """The last record of `calibrate --update` with the frames of these steps."""
     words = [word if word.startswith("-") or "," in word else str(folder / word) for step in steps for word in STEPS[step]]
-    outcome = run("calibrate", *words, "-o", output, "--update", "--json", code=0)
-    return outcome.records[-1]
+    return run("calibrate", *words, "-o", output, "--update", "--json", code=0).records[-1]
 
 
 @pytest.fixture(scope="module")
@@ -159,8 +158,7 @@ def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: 
     write_camera(path, known)
     text = path.read_text()
     other = save(tmp_path / "other.dng", frame(np.zeros((60, 90, 3)), says=says))
-    outcome = run("calibrate", "--dark", other, "-o", path, "--update", code=2)
-    assert re.search(words, outcome.err)
+    assert re.search(words, run("calibrate", "--dark", other, "-o", path, "--update", code=2).err)
     assert path.read_text() == text
 
 

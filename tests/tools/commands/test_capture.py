@@ -229,14 +229,12 @@ def test_what_is_asked_in_vain_is_told_at_once(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("camera.json").write_text(json.dumps(Camera(SensorCalibration.of_bits(12)).to_json()))
-    outcome = run(*arguments, "-o", out, code=2)
-    assert words in outcome.err
+    assert words in run(*arguments, "-o", out, code=2).err
     assert list(out.iterdir()) == []
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
-    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2", code=1)
-    assert "-: ended after 1 of 2 shots" in done.err
+    assert "-: ended after 1 of 2 shots" in piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2", code=1).err
     assert len(shots(out)) == 1
 
 

@@ -54,8 +54,7 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
     # What the demo is there to show: full-resolution luminance.
     assert found["Panchroma, paper"][1] > found["Bayer, bilinear"][1] + 3
 
-    shot = read_dng(folder / "shot.dng")
-    assert shot.calibration.noise.read == (0.02,) * 4
+    assert read_dng(folder / "shot.dng").calibration.noise.read == (0.02,) * 4
     shown, preview = pixels(folder / "render.png"), pixels(folder / "preview.jpg")
     assert shown.shape == preview.shape == truth.shape
     assert np.abs(shown - preview).mean() < 25  # the same picture

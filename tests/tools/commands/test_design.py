@@ -34,8 +34,7 @@ def test_from_light_to_letters_and_a_page(out: Path) -> None:
     # Again: refused; with --overwrite nothing is judged or measured again.
     assert "design.html: exists already" in run("design", *options).err
     kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
-    again = run("design", *options, *slow, "--overwrite")
-    assert again.records == outcome.records
+    assert run("design", *options, *slow, "--overwrite").records == outcome.records
     assert {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()} == kept
 
 
@@ -52,5 +51,4 @@ def test_from_light_to_letters_and_a_page(out: Path) -> None:
     ],
 )
 def test_wrong_options_are_named(out: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("design", "-o", out, *options, code=2)
-    assert words in outcome.err
+    assert words in run("design", "-o", out, *options, code=2).err

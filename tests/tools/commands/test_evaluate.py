@@ -48,8 +48,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert str(mixed) in page  # failures are named in full
 
     # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
-    again = run("evaluate", mixed, *options, code=2)
-    assert "evaluation.html: exists already" in again.err
+    assert "evaluation.html: exists already" in run("evaluate", mixed, *options, code=2).err
     kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
     more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page", code=1)
     assert "6 results are kept" in more.err
@@ -61,8 +60,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
 
 def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:
     options = ("-o", tmp_path, "--methods", "paper", "bilinear", "--sigma", "0.01", "--period", "4", "6", "--dry-run")
-    outcome = run("evaluate", mixed / "light.npy", *options, code=0)
-    said = outcome.out.splitlines()
+    said = run("evaluate", mixed / "light.npy", *options, code=0).out.splitlines()
     assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
     assert said[3].startswith("3 results to make, 0 kept")
     assert [path.name for path in tmp_path.iterdir()] == ["mixed"]
@@ -97,6 +95,5 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     ],
 )
 def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
-    outcome = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, code=2)
-    assert said in outcome.err
+    assert said in run("evaluate", "builtin:60x60", "-o", tmp_path, *options, code=2).err
     assert list(tmp_path.iterdir()) == []

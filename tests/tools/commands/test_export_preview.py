@@ -36,8 +36,7 @@ def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: b
 )
 def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str) -> None:
     monkeypatch.chdir(tmp_path)
-    outcome = run("export-preview", *options.split(), code=2)
-    (line,) = outcome.errors
+    (line,) = run("export-preview", *options.split(), code=2).errors
     assert words in line
     assert names(tmp_path) == set()
 

@@ -64,8 +64,7 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
     np.save(tmp_path / "sony.npy", SONY)
     np.save(tmp_path / "bayer.npy", taken(SCENE, tile_of("RG/GB")))
     np.save(tmp_path / "grey.npy", taken(SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2), tile_of("K=4")))
-    outcome = run("identify", *sorted(tmp_path.glob("*.npy")), code=0)
-    bayer, grey, sony = outcome.out.split(".npy\n")[1:]
+    bayer, grey, sony = run("identify", *sorted(tmp_path.glob("*.npy")), code=0).out.split(".npy\n")[1:]
     assert "period        4 pixels" in sony
     assert "panchromatic  8 of 16 sites" in sony
     assert "go on         --pattern sony --origin" in sony
@@ -77,8 +76,7 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
 
 def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> None:
     np.save(tmp_path / "sony.npy", SONY)
-    outcome = run("identify", "-o", out, "--json", tmp_path / "sony.npy")
-    (record,) = outcome.records
+    (record,) = run("identify", "-o", out, "--json", tmp_path / "sony.npy").records
     assert record["output"] == str(out / "sony-tile.png")
     shown = imagecodecs.png_decode((out / "sony-tile.png").read_bytes())
     cell = shown.shape[0] // 4
@@ -90,8 +88,7 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
     for letter, strongest in zip("RGB", range(3), strict=True):
         sites = np.array([[*row] for row in record["letters"]]) == letter
         assert (middles[:4, :4][sites].argmax(axis=-1) == strongest).all()
-    again = run("identify", "-o", out, tmp_path / "sony.npy")
-    assert "exists already; use --overwrite" in again.errors[0]
+    assert "exists already; use --overwrite" in run("identify", "-o", out, tmp_path / "sony.npy").errors[0]
 
 
 def test_frames_that_show_nothing_fail_with_what_to_photograph(tmp_path: Path) -> None:
@@ -111,8 +108,7 @@ def test_files_without_samples_of_a_sensor_are_refused(tmp_path: Path) -> None:
         ("float.npy", "its samples are float32"),
         ("none.dng", "there is no such file"),
     ):
-        outcome = run("identify", tmp_path / name, code=1)
-        assert words in outcome.errors[0]
+        assert words in run("identify", tmp_path / name, code=1).errors[0]
 
 
 def test_a_shot_and_raws_of_other_cameras_are_read(tmp_path: Path) -> None:

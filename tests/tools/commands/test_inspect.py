@@ -36,8 +36,7 @@ def rows(page: str) -> dict[str, str]:
 def test_machines_get_every_fact(tmp_path: Path) -> None:
     shot = mosaic()
     path = save(tmp_path / "shot.dng", shot)
-    outcome = run("inspect", "--json", path, code=0)
-    (facts,) = outcome.records
+    (facts,) = run("inspect", "--json", path, code=0).records
     assert (facts["source"], facts["ok"]) == (str(path), True)
     assert (facts["width"], facts["height"], facts["bits"]) == (53, 37, 12)
     assert facts["pattern"]["letters"] == list(shot.pattern.letters_from())

@@ -59,8 +59,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
         assert_refused(refused, "no colour matrix for the channels VRGNU", "--space camera, as tif, exr or npy", name=str(shot))
     assert_refused(run("render", shot, "-o", tmp_path, "-f", "dng"), "has VRGNU; use tif, exr or npy", name=str(shot))
     for written in ("npy", "exr", "tif"):
-        rendered = run("render", shot, "-o", out, *MEASURED, "-f", written, "--json", code=0)
-        assert rendered.records[0]["learned"] is None
+        assert run("render", shot, "-o", out, *MEASURED, "-f", written, "--json", code=0).records[0]["learned"] is None
     assert quality(out, "bands") > 23
     assert np.array_equal(np.load(out / "bands.npy"), tifffile.imread(out / "bands.tif"))
     with OpenEXR.File(str(out / "bands.exr"), separate_channels=True) as file:
@@ -103,8 +102,7 @@ def test_every_command_with_a_period_takes_a_pattern_and_refuses_a_wrong_one(
         (["nothing.txt"], "--pattern 'nothing.txt': is not the capital letters"),
         ([str(wrong)], f"{wrong}: the rows of 'RGW/GBWW' differ in length"),
     ):
-        refused = run(verb, *options, *target, "--pattern", *given, code=2)
-        assert words in refused.errors[0]
+        assert words in run(verb, *options, *target, "--pattern", *given, code=2).errors[0]
     if verb != "export-preview":
         impossible = run(verb, *options, *target, "--pattern", "RXWW/GBWW/WWWW/WWWW")
         assert (impossible.code, "has the filters X" in impossible.errors[0]) == (1 if verb == "simulate" else 2, True)

@@ -148,8 +148,7 @@ def test_a_measurement_states_how_far_it_may_be_off(out: Path, shot: Path) -> No
     found = render(read_dng(shot), uncertainty=True)
     assert np.array_equal(picture, found.rgb)
     assert np.array_equal(stated, found.uncertainty)
-    refused = run("render", shot, "-o", out, "--uncertainty", "-f", "png", code=2)
-    assert "scene units" in refused.err
+    assert "scene units" in run("render", shot, "-o", out, "--uncertainty", "-f", "png", code=2).err
     preset = run("render", shot, "-o", out, "--uncertainty", "--preset", "paper", "--overwrite")
     assert_refused(preset, "best and unlearned", name=str(shot))
 
@@ -241,8 +240,7 @@ def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
     ],
 )
 def test_pictures_that_no_file_holds_are_usage(out: Path, shot: Path, options: tuple[str, ...], words: str) -> None:
-    outcome = run("render", shot, shot, "-o", out, *options, code=2)
-    (line,) = outcome.err.splitlines()
+    (line,) = run("render", shot, shot, "-o", out, *options, code=2).err.splitlines()
     assert line.startswith("panchroma: ")
     assert words in line
     assert results(out) == set()

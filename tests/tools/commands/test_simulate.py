@@ -245,8 +245,7 @@ def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
     ],
 )
 def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
-    outcome = run("simulate", SOURCE, "-o", out, *options, code=2)
-    assert words in outcome.err.splitlines()[-1]
+    assert words in run("simulate", SOURCE, "-o", out, *options, code=2).err.splitlines()[-1]
     assert names(out) == set()
 
 

@@ -26,8 +26,7 @@ from tests.tools.live.test_viewfinder import codes, pictures
 )
 def test_what_is_asked_in_vain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str) -> None:
     monkeypatch.chdir(tmp_path)
-    outcome = run("view", "builtin:64x48@9", *arguments, code=2)
-    assert words in outcome.err
+    assert words in run("view", "builtin:64x48@9", *arguments, code=2).err
 
 
 class Command:

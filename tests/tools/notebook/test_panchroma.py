@@ -90,8 +90,7 @@ def test_arrays_are_scenes_as_files_are(tmp_path: Path) -> None:
     difference = of_file.mosaic.codes.astype(int) - of_array.mosaic.codes
     assert np.abs(difference).max() <= 1  # the file's profile samples the curve of sRGB
     assert of_array.truth.rgb == pytest.approx(decode_srgb(pixels / np.float32(255)), abs=1e-6)
-    again = panchroma.simulate(of_array.truth)
-    assert np.array_equal(again.mosaic.codes, of_array.mosaic.codes)
+    assert np.array_equal(panchroma.simulate(of_array.truth).mosaic.codes, of_array.mosaic.codes)
 
 
 @pytest.mark.parametrize("pattern", [4, "RG/BW", "WBWG/BWGW/WGWR/GWRW", CfaPattern.bayer(8), FOUR])

@@ -76,7 +76,5 @@ def test_a_scheduler_that_is_none_is_usage(
     tmp_path: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tools.host.cluster._SECONDS", 1)
-    shot = save_shot(tmp_path / "a.dng")
-    outcome = run("render", shot, "-o", tmp_path, *options, code=2)
-    (line,) = outcome.errors
+    (line,) = run("render", save_shot(tmp_path / "a.dng"), "-o", tmp_path, *options, code=2).errors
     assert words in line

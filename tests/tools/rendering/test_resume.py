@@ -150,8 +150,7 @@ def test_a_dry_run_says_what_is_current(shots: Path, out: Path) -> None:
 def test_files_of_others_in_a_folder_are_left_alone_and_named_ones_are_not(shots: Path, out: Path, tmp_path: Path) -> None:
     (tmp_path / "rendered").mkdir()
     run("render", shots / "a.dng", "-o", tmp_path / "rendered", "-f", "dng", code=0)
-    other = tmp_path / "rendered" / "a.dng"
-    (shots / "other.dng").write_bytes(other.read_bytes())
+    (shots / "other.dng").write_bytes((tmp_path / "rendered" / "a.dng").read_bytes())
     (shots / "torn.dng").write_bytes((shots / "a.dng").read_bytes()[:500])
     outcome = render(shots, out)
     assert_refused(outcome, "damaged", name=str(shots / "torn.dng"))

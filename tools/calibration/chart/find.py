@@ -117,8 +117,7 @@ def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterat
 
 
 def _near(place: ChartPlace, other: ChartPlace) -> bool:
-    away = np.array(place.corners) - np.array(other.corners)
-    return bool(np.hypot(*away.T).max() < _SAME * place.pitch)
+    return bool(np.hypot(*(np.array(place.corners) - np.array(other.corners)).T).max() < _SAME * place.pitch)
 
 
 def _examined(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:

@@ -127,8 +127,7 @@ def _followed(first: int, right: DoubleArray, down: DoubleArray, places: DoubleA
 def _windows(nodes: dict[Cell, int], centres: DoubleArray) -> Iterator[DoubleArray]:
     """Yield the corners of every 6 x 4 and 4 x 6 window on a lattice, clockwise."""
     cells = np.array(list(nodes), float)
-    points = centres[list(nodes.values())]
-    to_frame = fit_homography(cells, points)
+    to_frame = fit_homography(cells, centres[list(nodes.values())])
     if to_frame is None:
         return
     low, high = cells.min(axis=0).astype(int), cells.max(axis=0).astype(int)

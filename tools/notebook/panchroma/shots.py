@@ -114,8 +114,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     <Image 40 x 30, 8-bit sRGB>
     """
     mosaic = as_shot(shot).mosaic
-    pixels = _previews(scale)(mosaic)
-    return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
+    return Image(np.ascontiguousarray(upright(_previews(scale)(mosaic), mosaic.metadata.orientation)))
 
 
 def with_notes_shown(shot: Shot) -> Shot:

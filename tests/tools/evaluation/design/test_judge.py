@@ -99,8 +99,7 @@ def test_white_noise_has_power_one() -> None:
     noise = Spectra.measured([random.standard_normal((640, 640, 3))])
     known = noise.power[:, 4:, 4:, 0, 0] * np.array(SHARES)[:, None, None]
     assert known.sum(axis=0).mean() == pytest.approx(1, rel=0.02)
-    again = Spectra.decode(noise.encode())
-    np.testing.assert_allclose(again.power, noise.power, rtol=5e-3, atol=1e-9)
+    np.testing.assert_allclose(Spectra.decode(noise.encode()).power, noise.power, rtol=5e-3, atol=1e-9)
     with pytest.raises(InputError, match="too few squares"):
         Spectra.measured([np.ones((64, 64, 3))])
 

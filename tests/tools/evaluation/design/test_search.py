@@ -65,8 +65,7 @@ def test_an_interrupted_search_ends_as_one_that_was_not(judge: FastJudge, tmp_pa
     assert [resumed.score(tile) for tile in wanted] == [straight.score(tile) for tile in wanted]
     assert len(asked) == len(wanted) + 2  # nothing was judged twice but what was interrupted
     assert search(Judged(judge), seed=1).run() != wanted
-    other = Judged(impatient, "another judge", tmp_path / "state.json")
-    assert other.known == {}
+    assert Judged(impatient, "another judge", tmp_path / "state.json").known == {}
 
 
 def test_the_best_tile_is_the_best_of_all_and_within_the_limits(judge: FastJudge) -> None:
