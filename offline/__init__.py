@@ -1,8 +1,9 @@
 """The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
+from shared.processors import available_threads, threads, use_threads
+
 from .ahead import compile_kernel, kernels_to_compile
 from .kernels.compile import compilation, kernel_cache
-from .kernels.pieces import available_threads, threads, use_threads
 from .measured import Measured, Stages
 from .memory import rendering_memory
 from .parts import Look, Part, RowStage

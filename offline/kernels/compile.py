@@ -25,7 +25,9 @@ from numba.core.runtime import rtsys
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
-from .pieces import in_pieces, threads
+from shared.processors import threads
+
+from .pieces import in_pieces
 
 F = TypeVar("F", bound=Callable[..., Any])
 

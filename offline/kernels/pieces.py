@@ -5,7 +5,6 @@ be lost in a child made by fork, and keep a program from ending that is interrup
 time.
 """
 
-import os
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -15,57 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import STRIP, strips
-from shared.processors import THREADS, processors
+from shared.processors import chosen, threads
 
 Number = TypeVar("Number", bound=np.generic)
 
 BLOCK_ROWS = 32
 """Rows of blocks that are computed together, about as many rows of a picture as in `STRIP`."""
-
-
-class _Chosen(threading.local):
-    count = 0  # none chosen
-
-
-_chosen = _Chosen()
-
-
-def available_threads() -> int:
-    """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or one per processor.
-
-    >>> from offline import available_threads
-    >>> available_threads() >= 1
-    True
-    """
-    asked = os.environ.get(THREADS, "")
-    return int(asked) if asked.isdecimal() and int(asked) > 0 else processors()
-
-
-def threads() -> int:
-    """The number of threads that stages called from this thread use.
-
-    >>> from offline import threads
-    >>> threads() >= 1
-    True
-    """
-    return _chosen.count or available_threads()
-
-
-def use_threads(count: int) -> None:
-    """Set the number of threads for stages called from this thread, 1 or more. The result is the same for any.
-
-    For programs: libraries should leave this choice to them. Raises ValueError for less than 1.
-
-    >>> from offline import threads, use_threads
-    >>> before = threads()
-    >>> use_threads(1)
-    >>> threads()
-    1
-    >>> use_threads(before)
-    """
-    if count < 1:
-        raise ValueError(f"the number of threads is {count}; it has to be 1 or more")
-    _chosen.count = count
 
 
 def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1) -> None:
@@ -80,16 +34,16 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
     count = min(threads(), -(-pieces // together))
 
     def drain() -> None:
-        before = _chosen.count
+        before = chosen.count
         try:
-            _chosen.count = 1 if count > 1 else before  # what a piece calls shares nothing once more
+            chosen.count = 1 if count > 1 else before  # what a piece calls shares nothing once more
             for first, end in ranges:
                 work(first, end)
         except BaseException as error:
             errors.append(error)
             deque(ranges, maxlen=0)  # the others begin nothing more
         finally:
-            _chosen.count = before
+            chosen.count = before
 
     others = [threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)]
     try:

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from shared.processors import available_threads, use_threads
 from tools.host.memory import available_memory
 from tools.host.processes import Processes
 from tools.host.progress import Note, StageProgress
@@ -32,8 +33,6 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
 
 def limit_threads(count: int | None) -> None:
     """Let the renderer use so many threads in this process; None: one per processor."""
-    from offline import available_threads, use_threads
-
     if count is not None:
         use_threads(min(count, available_threads()))
 

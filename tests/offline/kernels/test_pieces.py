@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from offline.kernels import pieces as product
-from shared.processors import THREADS
+from shared.processors import threads
 from tests.python import run_python
 
 
@@ -41,10 +41,10 @@ def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
 def test_pieces_of_pieces_start_no_more_threads(each_thread_count: Iterator[int]) -> None:
     for count in each_thread_count:
         inside: list[int] = []
-        product.in_pieces(lambda *_, inside=inside: inside.append(product.threads()), 9)
+        product.in_pieces(lambda *_, inside=inside: inside.append(threads()), 9)
         assert inside == [1] * 9
-        product.in_pieces(lambda *_, inside=inside: inside.append(product.threads()), 1)
-        assert inside[-1] == product.threads() == count
+        product.in_pieces(lambda *_, inside=inside: inside.append(threads()), 1)
+        assert inside[-1] == threads() == count
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
@@ -66,22 +66,6 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
             product.in_pieces(work, 1000)
         assert len(finished) == len(begun) - 1
         assert len(begun) < 500, f"{count} threads went on"
-
-
-def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    before, elsewhere = product.threads(), []
-    product.use_threads(5)
-    other = threading.Thread(target=lambda: elsewhere.append(product.threads()))
-    other.start()
-    other.join()
-    assert (product.threads(), elsewhere) == (5, [product.available_threads()])
-    with pytest.raises(ValueError, match="1 or more"):
-        product.use_threads(0)
-    product.use_threads(before)
-    for asked, count in (("3", 3), ("0", None), ("many", None)):
-        monkeypatch.setenv(THREADS, asked)
-        assert product.available_threads() == count or count is None
-        assert product.available_threads() >= 1
 
 
 FORKED = """
