@@ -55,7 +55,7 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
         b"\xff\xda": bytes([planes]) + b"".join(scanned) + b"\x01\x00\x00",  # predictor 1
     }
     head = b"".join(marker + struct.pack(">H", len(data) + 2) + data for marker, data in segments.items())
-    return b"\xff\xd8" + head + stream.finish() + b"\xff\xd9"
+    return b"".join([b"\xff\xd8", head, *stream.finish(), b"\xff\xd9"])
 
 
 @cache
@@ -139,10 +139,10 @@ class _Stream:
         self._word = words[whole]
         self._parts.append(_stuffed(words[:whole].astype(">u8").tobytes()))
 
-    def finish(self) -> bytes:
-        """All bytes; the last is filled up with ones."""
+    def finish(self) -> list[bytes]:
+        """All bytes, in parts; the last is filled up with ones."""
         last = int(self._word) | (1 << 64 - self._used) - 1
-        return b"".join([*self._parts, _stuffed(last.to_bytes(8, "big")[: -(-self._used // 8)])])
+        return [*self._parts, _stuffed(last.to_bytes(8, "big")[: -(-self._used // 8)])]
 
 
 def _stuffed(data: bytes) -> bytes:
