@@ -88,6 +88,7 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "holes.nef": (tiff(entries | {273: len(hole), 279: end}), len(hole) + end),
         "holes.png": (png(side=10, bits=16, colour=2, samples=b""), 4 * GIGABYTE),
         "chunk.png": (_chunk(8), 4 * GIGABYTE),
+        "hole.png": (_chunk(8, b"IDAT"), 4 * GIGABYTE),
         "chunk16.png": (_chunk(16), 100 << 20),
         "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
@@ -263,9 +264,9 @@ def _chain(length: int) -> bytes:
     return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
 
 
-def _chunk(bits: int) -> bytes:
+def _chunk(bits: int, name: bytes = b"zzZz") -> bytes:
     """The beginning of a PNG with a chunk of two gigabytes behind the header."""
-    return png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25] + struct.pack(">I", (1 << 31) - 1) + b"zzZz"
+    return png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25] + struct.pack(">I", (1 << 31) - 1) + name
 
 
 def _claim(kind: str) -> bytes:
