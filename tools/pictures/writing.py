@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from shared.arrays import FloatArray
-from shared.display import checked_picture
 from shared.writing import OnComplete, durable_file
 
 from .development import Development
@@ -34,7 +33,5 @@ def write_picture(
     leave no file.
     """
     development.check()
-    planes = development.kind.planes(len(development.calibration.channels))
-    checked = (checked_picture(band, planes) for band in bands)
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        development.kind.kept_as.write(file, checked, development, threads=threads, folder=Path(path).parent)
+        development.kind.kept_as.write(file, bands, development, threads=threads, folder=Path(path).parent)

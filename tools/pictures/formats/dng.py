@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
+from shared.display import checked_picture
 from shared.dng import PART, EncodedPart, encode_part, join_parts
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
@@ -50,7 +51,7 @@ class LinearDng(Format):
 
     def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
         """See `Format`; raw developers turn it."""
-        self.encode(file, bands, development, threads)
+        self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
 
     def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
         """See `Format`. What is saturated, and not restored, gets the white level in every channel."""

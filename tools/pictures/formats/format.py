@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from shared.arrays import FloatArray
+from shared.display import checked_picture
 from shared.errors import InputError
 from tools.host.ahead import ahead
 
@@ -78,9 +79,12 @@ class Format(ABC):
         return {8: np.uint8, 16: np.uint16, 32: np.float32}[bits]
 
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
-        """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W, any)."""
+        """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W, any).
+
+        Raises InputError for a picture that `checked_picture` refuses.
+        """
         if development.kind.space == CAMERA:
-            return rgb
+            return checked_picture(rgb, development.kind.planes(len(development.calibration.channels)))
         if self.dtype(development.kind.bits) == np.float32:
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
