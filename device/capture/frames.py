@@ -10,12 +10,15 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property, reduce
+from functools import cached_property
 from io import RawIOBase
+from itertools import product
 from time import monotonic
+from typing import Any
 from weakref import finalize
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.arrays import ByteArray, CodeArray, is_frozen
 from shared.dng.tags import LONGEST_SIDE
@@ -26,7 +29,7 @@ from shared.spelling import meant
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
 _ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
 _SPARE = 2
-_STRIP = 64  # rows unpacked at a time; they fit into the cache
+_STRIP = 32  # rows unpacked at a time; they fit into the cache
 
 
 @dataclass(frozen=True)
@@ -45,21 +48,20 @@ class _Packing:
     place: Callable[[int, int], int] | None = None
     words: str = ""
 
-    @cached_property
-    def pieces(self) -> list[list[tuple[int, int, int, int]]]:
-        """How each sample of a group is put together: a list of parts, each a run of bits that lies in one byte.
+    @property
+    def word(self) -> np.dtype[Any]:
+        """The words that hold a group, packed and unpacked: 16 bits for each of its samples."""
+        return np.dtype(f"<u{2 * self.pixels}")
 
-        A part is (byte of the group, its lowest bit in that byte, mask of as many bits, its lowest bit in the sample).
-        """
-        samples = []
-        for sample in range(self.pixels):
-            places = [self.place(sample, bit) for bit in range(self.bits)] if self.place else []
-            firsts = [bit for bit, at in enumerate(places) if not bit or at % 8 == 0 or at != places[bit - 1] + 1]
-            counts = np.diff([*firsts, len(places)]).tolist()
-            samples.append(
-                [(places[first] // 8, places[first] % 8, (1 << n) - 1, first) for first, n in zip(firsts, counts, strict=True)]
-            )
-        return samples
+    @cached_property
+    def moves(self) -> dict[int, int]:
+        """How a packed word becomes an unpacked one: bits to shift up by (negative: down) -> mask of the bits that move so far."""
+        masks: dict[int, int] = {}
+        for sample, bit in product(range(self.pixels), range(self.bits)):
+            at = self.place(sample, bit) if self.place else 0
+            by = 16 * sample + bit - at
+            masks[by] = masks.get(by, 0) | 1 << at
+        return masks
 
 
 def _mipi(bits: int, pixels: int, names: str) -> _Packing:
@@ -192,14 +194,23 @@ class FrameLayout:
         return codes
 
     def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
+        """Unpack whole groups as words: they are few, and a word is shifted as fast as a byte."""
         packing = FORMATS[self.format]
-        groups = np.empty((_STRIP, self.line_bytes // packing.length, packing.pixels), np.uint16)
+        padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)  # the last word of a line reaches beyond it
+        shape = _STRIP, self.line_bytes // packing.length
+        groups: NDArray[Any] = np.ndarray(shape, packing.word, padded, strides=(padded.shape[1], packing.length))
+        packed, unpacked, part = (np.empty(shape, packing.word) for _ in range(3))
         for top in range(0, self.height, _STRIP):
-            packed = lines[top : top + _STRIP].reshape(-1, groups.shape[1], packing.length)
-            count = len(packed)
-            for number, parts in enumerate(packing.pieces):
-                groups[:count, :, number] = reduce(np.bitwise_or, (_part(packed[..., byte], *where) for byte, *where in parts))
-            codes[top : top + count] = groups[:count].reshape(count, -1)[:, : self.width]
+            strip = lines[top : top + _STRIP]
+            padded[: len(strip), : self.line_bytes] = strip
+            packed[:] = groups  # a copy that is aligned
+            unpacked[:] = 0
+            for by, mask in packing.moves.items():
+                np.bitwise_and(packed, packing.word.type(mask), out=part)
+                shift = np.left_shift if by > 0 else np.right_shift
+                shift(part, packing.word.type(abs(by)), out=part)
+                unpacked |= part
+            codes[top : top + _STRIP] = unpacked.view("<u2")[: len(strip), : self.width]
 
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""
@@ -229,14 +240,6 @@ class FrameLayout:
             if stride != self.stride and length % (stride * self.height) == 0:
                 return f"`stride={stride}`"
         return ""
-
-
-def _part(column: ByteArray, first: int, mask: int, shift: int) -> CodeArray:
-    """Some bits of bytes, as a part of samples; see `_Packing.pieces`."""
-    bits = column if mask == 255 else column >> first & mask
-    part = bits.astype(np.uint16)
-    part <<= shift
-    return part
 
 
 @dataclass(frozen=True, eq=False)
