@@ -5,7 +5,7 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import unset
+from .functions import unset, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
 CLASSES = 4
@@ -14,10 +14,12 @@ _NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np
 _LEAST = np.finfo(np.float32).tiny
 
 Places = tuple[IndexArray, IndexArray]
+Weighting = tuple[Scalar, Scalar]
+"""(softness, likeness), see `PropagationSettings`."""
 
 
 @parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), f8, f4[:, :, ::1]",
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), (f8, f8), f4[:, :, ::1]",
     pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2],
 )
 def mix(
@@ -28,7 +30,7 @@ def mix(
     places: Places,
     first: int,
     corner: tuple[int, int],
-    softness: float,
+    weighting: tuple[float, float],
     out: FloatArray,
 ) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
@@ -39,9 +41,10 @@ def mix(
     places: the frame's row at each row of the domain, and its column at each column.
     first: index of the first row of patches in `fields`.
     corner: row of `fields` and domain column that belong to out[0, 0].
-    softness: alpha (alpha + softness) replaces alpha^2 in Eq. 14.
+    weighting: softness and likeness; see `PropagationSettings`.
     out: (rows, W, C), written.
     """
+    softness, likeness = np.float32(weighting[0]), np.float32(weighting[1])
     across = blocks.shape[1] - 1
     period = fields.shape[2] // across
     channels = blocks.shape[2]
@@ -50,14 +53,18 @@ def mix(
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
         light, colour = unset(CLASSES, width), unset(CLASSES + 1, channels, width)
         _expand(blocks, luminance, places, first + patch, period, light, colour)
-        alpha, line = unset(CLASSES, width), unset(channels, width)
+        alpha, line, here = unset(CLASSES, width), unset(channels, width), zeros(width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
             for kind in range(CLASSES):
                 source = fields[kind, row + corner[0]]
                 for column in range(len(source)):
                     alpha[kind, column] = source[column]
-            _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
+            if likeness > _NONE:
+                place = places[0][first * period + row + corner[0]]
+                for column in range(fields.shape[2]):
+                    here[column] = max(luminance[place, places[1][column]], _NONE)
+            _mix_row(alpha, fields.shape[2], light, colour, here, (softness, likeness), line)
             for channel in range(channels):
                 mixed = line[channel, corner[1] :]
                 for column in range(out.shape[1]):
@@ -97,11 +104,19 @@ def _corner(kind: int, patch: int, across: int) -> tuple[int, int]:
 
 
 @kernel
-def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatArray, softness: Scalar, line: FloatArray) -> None:
+def _mix_row(
+    alpha: FloatArray,
+    columns: int,
+    light: FloatArray,
+    colour: FloatArray,
+    here: FloatArray,
+    weighting: Weighting,
+    line: FloatArray,
+) -> None:
     for column in range(0, columns, WIDTH):
         kappa0, kappa1, kappa2, kappa3 = (
-            _kappa(alpha, light, 0, column, softness), _kappa(alpha, light, 1, column, softness),
-            _kappa(alpha, light, 2, column, softness), _kappa(alpha, light, 3, column, softness),
+            _kappa(alpha, light, here, 0, column, weighting), _kappa(alpha, light, here, 1, column, weighting),
+            _kappa(alpha, light, here, 2, column, weighting), _kappa(alpha, light, here, 3, column, weighting),
         )  # fmt: skip
         total = kappa0 + kappa1 + kappa2 + kappa3
         share = quotient(_ONE, total)
@@ -118,11 +133,16 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
 
 
 @kernel
-def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softness: Scalar) -> Lanes:
+def _kappa(alpha: FloatArray, light: FloatArray, here: FloatArray, kind: int, column: int, weighting: Weighting) -> Lanes:
     """The weight of Eq. 14, before the four are scaled to a sum of one."""
-    part = load(alpha, (kind, column))
-    part = greater(part, _MINUS * part)  # |alpha|: only alpha^2 counts in Eq. 14, though the solver leaves no negative values
-    return part * (part + softness) * load(light, (kind, column))
+    softness, likeness = weighting
+    part, lit = load(alpha, (kind, column)), load(light, (kind, column))
+    part = softness + greater(part, _MINUS * part)  # |alpha|: of alpha^2 the sign does not count, and the solver leaves none
+    if likeness > _NONE:
+        own = load(here, column)
+        apart, both = own - lit, own + lit
+        lit *= quotient(both * both, both * both + likeness * (apart * apart) + _LEAST)
+    return part * part * lit
 
 
 @parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]")

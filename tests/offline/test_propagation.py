@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from offline.rows.propagation import propagate
-from offline.settings import PropagationSettings
+from offline.settings import BEST, PropagationSettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case
@@ -12,6 +12,7 @@ from tests.reference import geometry
 from tests.reference import propagation as reference
 from tests.reference.compare import assert_close
 
+PAPER = PropagationSettings()
 FLOAT32 = 1e-6  # a few dozen operations on values up to one
 
 
@@ -25,25 +26,29 @@ def case(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> tuple[Fl
     return blocks.astype(np.float32), (affinity / affinity.sum(axis=(0, 1))).astype(np.float32), light.astype(np.float32)
 
 
-def mixed(blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0) -> FloatArray:
-    return propagate(blocks, affinity, light, pattern, PropagationSettings(softness))
+def mixed(
+    blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, settings: PropagationSettings = PAPER
+) -> FloatArray:
+    return propagate(blocks, affinity, light, pattern, settings)
 
 
 def expected(
-    blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0
+    blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, settings: PropagationSettings = PAPER
 ) -> DoubleArray:
     c, alpha, luminance = blocks.astype(np.float64), affinity.astype(np.float64), light.astype(np.float64)
-    return reference.propagate(c, alpha, luminance, pattern, softness)
+    return reference.propagate(c, alpha, luminance, pattern, **vars(settings))
 
 
 @every_case
-@pytest.mark.parametrize("softness", [0.0, 0.5])
-def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], softness: float) -> None:
+@pytest.mark.parametrize(
+    "settings", [PAPER, PropagationSettings(0.5), PropagationSettings(0.5, 40.0)], ids=["paper", "soft", "alike"]
+)
+def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], settings: PropagationSettings) -> None:
     blocks, affinity, light = case(pattern, shape)
     affinity[0, 0, 1::3] = -0.01  # as a solver may leave it
-    found = mixed(blocks, affinity, light, pattern, softness)
+    found = mixed(blocks, affinity, light, pattern, settings)
     assert found.dtype == np.float32
-    assert_close(found, expected(blocks, affinity, light, pattern, softness), FLOAT32)
+    assert_close(found, expected(blocks, affinity, light, pattern, settings), FLOAT32)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])
@@ -83,8 +88,8 @@ def test_brightness_does_not_matter() -> None:
     pattern, shape = CASES["odd"]
     blocks, affinity, light = case(pattern, shape)
     for scale in (1e-12, 1e12):
-        found = mixed(blocks, affinity, light * np.float32(scale), pattern)
-        assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
+        found = mixed(blocks, affinity, light * np.float32(scale), pattern, BEST.propagation)
+        assert_close(found, expected(blocks, affinity, light, pattern, BEST.propagation), FLOAT32)
 
 
 def test_inputs_are_left_as_they_were() -> None:

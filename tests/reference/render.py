@@ -77,7 +77,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         light = sites.settle(light, coarse, signal, variance, pattern, gamma, fitted)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
-    initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
+    initial = propagation.propagate(blocks, alpha, light, pattern, **vars(settings.propagation))
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
