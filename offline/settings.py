@@ -240,8 +240,8 @@ class AffinitySettings(StageSettings):
 class PropagationSettings(StageSettings):
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
-    A block's weight is (alpha + softness)^2 l / (1 + likeness d^2), in the paper alpha^2 l, with l the luminance at the block, and d
-    the difference of the pixel's from it, over their sum. More softness makes gradients of colour smoother, more likeness prefers
+    A block's weight is (alpha + softness)^2 l / (1 + likeness d^2), in the paper alpha^2 l, with l the luminance at the block, and
+    d the difference of the pixel's from it, over their sum. More softness makes gradients of colour smoother, more likeness prefers
     blocks as bright as the pixel; both 0 or more.
     """
 
