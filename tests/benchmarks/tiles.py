@@ -41,6 +41,7 @@ def main() -> None:
     parser.add_argument("--crop", type=int)
     parser.add_argument("--method", default=METHOD)
     arguments = parser.parse_args()
+    arguments.output.mkdir(exist_ok=True)
     texts = [name for name in TILES if name != "paper"] + list(OTHERS)
     tiles = chosen_tiles(range(3, 9), (Tile.named(CfaPattern.of_letters(text), text) for text in texts))
     lights = [Light.of_sigma(sigma) for sigma in SIGMAS]
