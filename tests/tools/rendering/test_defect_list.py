@@ -43,9 +43,9 @@ def test_a_wrong_list_is_refused_by_name(tmp_path: Path, text: str | bytes, said
 
 
 def test_places_add_to_those_known() -> None:
-    known = SensorCalibration(defects=((1, 1),))
+    known = SensorCalibration(defects=((1, 1), (5, 6)))
     mosaic = Mosaic(np.zeros((12, 13), np.float32), CfaPattern.bayer(), known)
-    assert with_defects(mosaic, ((2, 3), (1, 1))).calibration.defects == ((1, 1), (2, 3))
+    assert with_defects(mosaic, ((2, 3), (1, 1))).calibration.defects == ((1, 1), (2, 3), (5, 6))
     for place, words in (((2, 13), "row 2, column 13, the shot 12 rows and 13 columns"), ((12, 2), "row 12, column 2")):
         with pytest.raises(InputError, match=words):
             with_defects(mosaic, (place,))
