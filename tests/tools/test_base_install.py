@@ -12,14 +12,21 @@ def camera(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[b
     return on_camera(script, *arguments, ours=("shared", "device", "tools"), stdin=stdin)
 
 
+def shot_in(folder: Path) -> Path:
+    """A shot that a camera took."""
+    assert camera("capture", "builtin:96x64@20", "-o", str(folder), "--frames", "1").returncode == 0
+    (shot,) = folder.glob("*.dng")
+    return shot
+
+
 def test_the_walk_finds_the_base_and_nothing_else() -> None:
     modules = base_modules()
     assert {"numpy", "onnxruntime", "tifffile", "imagecodecs"} <= modules
     assert not modules & {"onnx", "scipy", "rich", "PIL", "rawpy", "pytest", "numba", "offline"}
 
 
-def test_a_hidden_package_is_missed() -> None:
-    done = camera("render", "nothing.dng", "-o", ".", "-j", "1")  # threads are the renderer's
+def test_a_hidden_package_is_missed(tmp_path: Path) -> None:
+    done = camera("render", str(shot_in(tmp_path)), "-o", str(tmp_path))
     assert b"No module named" in done.stderr + done.stdout
 
 
@@ -31,8 +38,7 @@ def test_capture_needs_the_base_alone(tmp_path: Path) -> None:
 
 
 def test_preview_needs_the_base_alone(tmp_path: Path) -> None:
-    assert camera("capture", "builtin:96x64@20", "-o", str(tmp_path), "--frames", "1").returncode == 0
-    (shot,) = tmp_path.glob("*.dng")
+    shot = shot_in(tmp_path)
     done = camera("preview", str(shot), "-o", str(tmp_path), "--scale", "3")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / f"{shot.stem}.jpg").read_bytes().startswith(b"\xff\xd8")
