@@ -242,9 +242,13 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> bool((cleaned(grey).signal == grey.signal).all())
     True
     """
+    # No name keeps the samples with their defects while highlights are restored, which needs the most memory.
+    return restored(mend_defects(_with_defects(mosaic, settings, progress), settings.defects, progress), settings, progress)
+
+
+def _with_defects(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
     samples = with_noise(registered(mosaic, settings, progress).evenly_shaded(), settings.noise)
-    frame = Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
-    return restored(mend_defects(frame, settings.defects, progress), settings, progress)
+    return Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
 
 
 def restored(mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
