@@ -12,8 +12,7 @@ from tools.scenes.scene import Scene
 from .burst import SimulatedFrame
 from .filters import Filters, filters_for
 from .lens import LensFault
-from .protocols import Protocol, SensorProtocol
-from .protocols.protocol import SensorLight, dimmed
+from .protocols import Protocol, SensorLight, SensorProtocol, dimmed
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""
@@ -102,10 +101,9 @@ class SimulatedCamera:
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
-        calibration, light = self.before(scene, filters), seen
+        calibration = self.before(scene, filters)
         for fault in self.lens:
             calibration = fault.calibrated(calibration, (seen.shape[0], seen.shape[1]))
-            light = fault.blurred(light)
-        metadata = frame.metadata(scene.metadata)
-        mosaic = self.protocol.expose(SensorLight(light, white, self.pattern, calibration, metadata), rng)
+        light = SensorLight(seen, white, self.pattern, calibration, frame.metadata(scene.metadata))
+        mosaic = self.protocol.expose(light, rng)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
