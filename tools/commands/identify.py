@@ -24,7 +24,7 @@ from tools.live.identification import facts_of, first_frame
 from tools.live.source import STREAM, SourceOptions
 from tools.pictures.tile_map import tile_map
 from tools.scenes.camera_raw import NO_RAW
-from tools.scenes.sensor_samples import sensor_samples
+from tools.scenes.load import sensor_samples
 
 from .frame_options import LAYOUT, add_layout
 from .options import add

@@ -15,20 +15,18 @@ from numpy.typing import NDArray
 
 from shared import CaptureMetadata
 from shared.arrays import CodeArray, DoubleArray, FloatArray
-from shared.colorimetry import D65_XY, Matrix
+from shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from shared.dng import metadata_from
-from shared.dng.exif_reading import printable
+from shared.dng.exif_reading import WANTED, printable
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS, between
 from shared.reading import MAX_PIXELS, data_bytes
-from shared.tiff_reading import StoredDirectories, StoredFields
-from shared.white_balance import clipped_share, normalised
+from shared.tiff_reading import StoredDirectories, StoredFields, read_directories
+from shared.white_balance import clipped_share, normalised, shades_of_grey
 
-from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
-from .exif_reading import raw_directories
 from .limited import run_limited
 from .scene import Scene, check_size
 
@@ -36,8 +34,11 @@ NEEDED = "rawpy", "PIL.Image", "scipy.ndimage"
 """Packages that reading a RAW imports: they are loaded before its time is counted, which is less than they take."""
 _CHANNELS = "RGB"
 _COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
+_COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
+_SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
+_TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 NO_RAW = "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
 UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
@@ -158,6 +159,19 @@ def _check_mosaic(raw: Any, rawpy: Any, remedy: str) -> None:
         raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}")
 
 
+def as_shot_or_estimated(
+    as_shot: tuple[float, ...] | None, rgb: FloatArray
+) -> tuple[tuple[float, ...] | None, bool, tuple[str, ...]]:
+    """Return the neutral of a file that may state none, whether it is estimated from the scene `rgb`, and notes for the user."""
+    if as_shot is not None:
+        return as_shot, False, ()
+    estimate = shades_of_grey(rgb)
+    if estimate is None:
+        return None, False, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
+    figures = ", ".join(f"{value:.3f}" for value in estimate)
+    return estimate, True, (f"the file has no white balance: neutral {figures} is estimated from the scene",)
+
+
 def _neutral(raw: Any) -> tuple[float, ...] | None:
     """Return the neutral of the camera's white balance; None if the file states none."""
     balance = np.array(raw.camera_whitebalance[:3], np.float64)
@@ -183,6 +197,23 @@ def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: 
     return camera_to_xyz(usable[0][1], neutral, usable[0][0]) if usable else None
 
 
+def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY) -> Matrix:
+    """Return the matrix from camera RGB to XYZ (D50 white) under the light of the shot; it takes `neutral` to D50 exactly.
+
+    xyz_to_camera: (3, 3), DNG's ColorMatrix, made for the light `illuminant`.
+    neutral: (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
+    illuminant: CIE x, y.
+
+    DNG 1.7.1, chapter 6, maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M implies a ForwardMatrix:
+    under its illuminant w the camera's neutral is n = M w, so F = Bradford(w -> D50) M^-1 diag(n), and F (1, 1, 1) = D50.
+    Balancing in camera RGB also works far from w, where M^-1 neutral may not even be a real colour.
+    Raises numpy.linalg.LinAlgError for a singular matrix.
+    """
+    white = xyz(*illuminant)
+    forward = adaptation(white) @ np.linalg.inv(xyz_to_camera) @ np.diag(xyz_to_camera @ white)
+    return as_rows(forward / np.array(neutral))
+
+
 def _usable(values: Any) -> DoubleArray | None:
     """Return a ColorMatrix, (3, 3); None if it is none, or says nothing."""
     try:
@@ -201,6 +232,21 @@ def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
 
 def _illuminant(light: tuple[float, ...]) -> tuple[float, float]:
     return ILLUMINANTS[_ILLUMINANTS.get(int(light[0]), "D65") if light and 0 <= light[0] < 2**16 else "D65"]
+
+
+def raw_directories(path: Path) -> StoredDirectories:
+    """Return the capture data and colour matrices of a camera RAW, as fields.
+
+    Most RAWs are based on TIFF. Others begin with a preview or a box that holds a whole TIFF structure (RAF, RW2, MRW, CR3).
+    """
+    with path.open("rb") as file:
+        found = read_directories(file, WANTED | _COLOURS)
+        if found.main or found.exif:
+            return found
+        file.seek(0)
+        start = file.read(_SEARCHED)
+        places = sorted(place for mark in _TIFF_STARTS if (place := start.find(mark)) >= 0)
+        return read_directories(file, WANTED, places[0]) if places else found
 
 
 def _metadata(raw: Any, directories: StoredDirectories) -> CaptureMetadata:

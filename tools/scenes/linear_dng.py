@@ -17,10 +17,8 @@ from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_check import check_directories, check_pieces
 from shared.white_balance import normalised
 
-from .camera_colour import as_shot_or_estimated
-from .camera_raw import UNKNOWN_MATRIX, colour_matrix
+from .camera_raw import UNKNOWN_MATRIX, as_shot_or_estimated, colour_matrix, raw_directories
 from .clipped import with_white_highlights
-from .exif_reading import raw_directories
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829

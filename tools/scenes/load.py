@@ -9,32 +9,35 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
+from shared import read_dng
+from shared.arrays import CodeArray
 from shared.dng.tags import MAKER, Tag
 from shared.errors import ForeignFileError, InputError
 from shared.reading import MAX_PIXELS
 from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
-from .camera_raw import NO_RAW, camera_raw_scene
+from .camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from .decoders import FORMATS, TIFF, PictureFormat, guarded
 from .drawn.builtin import builtin_scene
-from .drawn.chart import chart_scene
-from .drawn.even import dark_scene, flat_scene
+from .drawn.color_checker import chart_scene
 from .drawn.spectral import spectral_scene
-from .gehler_shi import gehler_shi_scene
 from .linear_dng import linear_dng_scene
-from .picture import picture_scene
+from .picture import gehler_shi_scene, picture_scene
 from .scene import RGB, Scene, check_size, scene_channels
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[..., Scene]] = {
     "builtin:": builtin_scene,
     "chart:": chart_scene,
-    "flat:": flat_scene,
-    "dark:": dark_scene,
     "spectral:": spectral_scene,
 }
-_EVEN = ("flat:", "dark:")  # which are the same in every channel
+_EVEN = {
+    "flat:": 1.0,
+    "dark:": 0.0,
+}  # and what each reads everywhere, in all channels: less light makes flat frames that do not clip
 _PIECE = 16 << 20
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
@@ -55,7 +58,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
         "chart:WxH" (see `chart_scene`),
-        "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`),
+        "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to calibrate with),
         "spectral:WxH", "spectral:WxH@A" (eight bands, under 5000 K or another light, see `spectral_scene`).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
@@ -85,6 +88,29 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
     return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
 
 
+def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
+    """Read the samples in a shot of Panchroma, in another camera's RAW or DNG, or in a grey TIFF, PNG or NPY: uint16 (H, W).
+
+    path: the file.
+    max_pixels: larger files are refused.
+    Raises InputError, which does not name the file, for any other file.
+    """
+    with text_name(path) as name:
+        try:
+            found, _ = file_kind(name)
+        except ForeignFileError:
+            return read_dng(name, max_pixels=max_pixels).codes
+        if found is None:
+            return camera_raw_samples(name, max_pixels)
+        with guarded(name):
+            pixels = found.decode(name, max_pixels, RGB).pixels
+    if pixels.shape[2] != 1:
+        raise InputError("is a picture with several colours at each pixel; give the samples of the sensor, one at each pixel")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"its samples are {pixels.dtype}; those of a sensor are whole numbers of 8 or 16 bits")
+    return pixels[..., 0].astype(np.uint16)
+
+
 def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     """The format of a picture, by its content, None for a file that may be a camera RAW; and whether that is a DNG.
 
@@ -109,7 +135,7 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
 
 def is_drawn(source: str) -> bool:
     """Return whether a SCENE is a built-in scene, not a file."""
-    return source.startswith(tuple(_DRAWN))
+    return source.startswith((*_DRAWN, *_EVEN))
 
 
 def _misspelt(source: str) -> str:
@@ -117,7 +143,7 @@ def _misspelt(source: str) -> str:
     kind, _, size = source.rpartition(":")
     if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
         return ""
-    kinds = [name.removesuffix(":") for name in _DRAWN]
+    kinds = [name.removesuffix(":") for name in (*_DRAWN, *_EVEN)]
     close = closest(kind, kinds) if kind else kinds[0]
     return f"{close}:{size}" if close else ""
 
@@ -125,15 +151,16 @@ def _misspelt(source: str) -> str:
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})(?:@(\w+))?", source.removeprefix(kind))
-    if not size or (size[3] and _DRAWN[kind] is not spectral_scene):
+    if not size or (size[3] and kind != "spectral:"):
         raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
-    scene = _DRAWN[kind](width, height, *filter(None, (size[3],)))
+    if kind in _DRAWN:
+        return _DRAWN[kind](width, height, *filter(None, (size[3],)))
     wanted = scene_channels(channels)
-    if kind in _EVEN and not set(wanted) <= set(RGB):
-        return replace(scene, rgb=scene.rgb[..., :1].repeat(len(wanted), axis=2), channels=wanted)
-    return scene
+    there = RGB if set(wanted) <= set(RGB) else wanted
+    light = np.full((height, width, len(there)), _EVEN[kind], np.float32)
+    return Scene(light, f"{kind[:-1]}-{width}x{height}", channels=there)
 
 
 @contextmanager

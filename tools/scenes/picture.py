@@ -1,15 +1,23 @@
 """Decoded pictures as scenes: which values are linear light already, and which must be converted."""
 
+import re
+
 import numpy as np
 
 from shared.arrays import FloatArray
 from shared.colorimetry import Matrix, among, as_rows
 from shared.errors import InputError
+from shared.white_balance import shades_of_grey
 
+from .clipped import with_white_highlights
 from .decoders import Decoded
 from .icc_reading import LINEAR, SRGB, Encoding
 from .scene import RGB, Scene
 
+# Gehler's colour-checker photographs as L. Shi and B. Funt publish them, the source of the paper's scenes: 16-bit PNGs that hold
+# 12-bit samples as the camera wrote them, one pixel for each 2 x 2 quad of the Bayer sensor. Name of files, black level, camera.
+_GEHLERS = ((r"IMG_\d{4}", 129, "Canon 5D"), (r"8D5U\d{4}", 0, "Canon 1D"))
+_GEHLERS_WHITE = 4095  # 12 bits
 _ASSUMED_LINEAR = "nothing says how the values are encoded: taken as linear light with sRGB primaries, white balanced"
 
 
@@ -41,6 +49,23 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     neutral, eight_bits = (1.0,) * len(channels), (picture.peak or 256) < 256
     notes = picture.notes + notes
     return Scene(rgb, name, matrix, neutral, picture.metadata, notes, channels=channels, eight_bits=eight_bits)
+
+
+def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
+    """Return the scene in a picture of Gehler's data set, or None for any other: file name and 12-bit samples identify it.
+
+    rgb is (code - black) / (white - black); values below black, which noise causes, become 0.
+    """
+    if picture.pixels.dtype != np.uint16 or picture.pixels.shape[2] != 3 or picture.pixels.max() > _GEHLERS_WHITE:
+        return None
+    for name, black, camera in _GEHLERS:
+        if re.fullmatch(name, stem):
+            light = np.maximum((picture.pixels.astype(np.float32) - black) / np.float32(_GEHLERS_WHITE - black), 0)
+            note = f"recognised as Gehler's data set in Shi and Funt's version: {camera}, black level {black}"
+            neutral = shades_of_grey(light)
+            light, clipped = with_white_highlights(light, neutral)
+            return Scene(light, stem, None, neutral, picture.metadata, (*picture.notes, note, *clipped))
+    return None
 
 
 def _to_xyz(to_xyz: Matrix, channels: str) -> Matrix | None:

@@ -19,9 +19,7 @@ from shared.lights import ILLUMINANTS
 from shared.pattern import BAYER_ORDERS
 from shared.white_balance import shades_of_grey
 from tests.python import run_python
-from tools.scenes.camera_colour import camera_to_xyz
-from tools.scenes.camera_raw import bayer_pattern
-from tools.scenes.exif_reading import raw_directories
+from tools.scenes.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 

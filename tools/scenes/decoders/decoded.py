@@ -20,7 +20,6 @@ from ..scene import RGB, scene_channels
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency
 MOST_PAGES = 26
 """Pages of a file that are taken together: one more than a pattern has channels."""
-NO_ALPHA = "transparency is left out"
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
 
 
@@ -123,7 +122,7 @@ def channels_of(
 def without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
     """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3), and notes."""
     pixels = np.atleast_3d(pixels)
-    return (pixels, ()) if pixels.shape[2] in (1, 3) else (pixels[..., :-1], (NO_ALPHA,))
+    return (pixels, ()) if pixels.shape[2] in (1, 3) else (pixels[..., :-1], ("transparency is left out",))
 
 
 def profile_encoding(profile: bytes | None) -> tuple[Encoding | None, tuple[str, ...]]:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.dng import read_metadata
 from shared.errors import InputError
 from shared.reading import data_bytes
 from shared.tiff_check import PLAIN, check_directories, check_pieces
 
-from ..exif_reading import tiff_metadata
 from ..scene import RGB, check_size
 from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, profile_encoding, without_alpha
 
@@ -62,7 +62,9 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         peak = (1 << first.bitspersample) - 1 if pixels.dtype.kind == "u" else None
         profile = first.tags.get(_ICC_PROFILE)
         encoding, remarks = profile_encoding(profile and profile.value)
-    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks, found or RGB)
+    with path.open("rb") as stream:
+        metadata = read_metadata(stream)
+    return Decoded(pixels, peak, encoding, metadata, notes + remarks, found or RGB)
 
 
 def _stack(file: Any) -> list[Any]:

@@ -15,9 +15,8 @@ from shared.lights import illuminant_xy, temperature
 
 from ..scene import Scene
 from .builtin import Drawing, leaves_and_charts
-from .charts import Paints, colour_star, detail_chart, patches_chart
+from .charts import Paints, colour_star, detail_chart, ink, patches_chart
 from .dead_leaves import Materials
-from .strokes import ink
 
 BANDS = "HIJKLNOP"  # short to long wavelengths; letters that no other filter has
 CENTRES = np.arange(420.0, 666.0, 35.0)  # nm; each band fades to nothing at the centres of its neighbours
