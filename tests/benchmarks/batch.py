@@ -26,8 +26,8 @@ from tests.dask_cluster import cluster
 from tests.tools.command import start
 from tools.host.jobs import Job
 from tools.host.progress import StageProgress
+from tools.pictures.development import write_picture
 from tools.pictures.kind import PictureKind
-from tools.pictures.writing import write_picture
 from tools.rendering.order import Order
 from tools.scenes.drawn.builtin import builtin_scene
 

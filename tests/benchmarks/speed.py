@@ -150,9 +150,8 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 def render_file(shot: Path, preset: str) -> None:
     """Render a DNG to a TIFF of 16 bits beside it."""
     from offline import PRESETS, render_bands, threads
-    from tools.pictures.development import Development
+    from tools.pictures.development import Development, write_picture
     from tools.pictures.kind import PictureKind
-    from tools.pictures.writing import write_picture
 
     mosaic = read_dng(shot)
     development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 
 from tools.pictures.html import bullets
-from tools.pictures.page import report as page
+from tools.pictures.html import report as page
 
 from .measure import Conclusion
 

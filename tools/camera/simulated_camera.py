@@ -1,12 +1,21 @@
-"""The simulated camera: from a scene to its shot, and to the truth that a picture of the shot is compared with."""
+"""The simulated camera: from a scene to its shot, and to the truth that a picture of the shot is compared with.
 
+The built-in sensor, and what it looks at, are to try capture and viewfinder without a camera.
+"""
+
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.sensor import simulate_sensor, typical_noise
+from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
 
 from .burst import SimulatedFrame
@@ -17,6 +26,8 @@ from .protocols import Protocol, SensorLight, SensorProtocol, dimmed
 BITS = 12
 """Bits of a sample, unless others are asked for."""
 FULL_EXPOSURE = SensorProtocol(1.0)
+_SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
+_SEED = 0
 TRUTH = ".truth.tif"
 """What the name of a file that holds the truth of a shot ends in, behind the stem of the shot."""
 
@@ -107,3 +118,31 @@ class SimulatedCamera:
         light = SensorLight(seen, white, self.pattern, calibration, frame.metadata(scene.metadata))
         mosaic = self.protocol.expose(light, rng)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
+
+
+def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
+    """Calibration of the sensor in a camera file, or of one with this pattern. Raises InputError when its filters are unknown."""
+    scene = builtin_scene(1, 1)
+    calibration = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
+    return calibration if calibration.noise else replace(calibration, noise=typical_noise(calibration))
+
+
+def usual_gamma(pattern: CfaPattern) -> tuple[float, ...]:
+    """Gamma of filters that are mixtures of red, green and blue; otherwise 1 for each channel."""
+    try:
+        return filters_for(pattern, builtin_scene(1, 1)).gamma
+    except InputError:
+        return (1.0,) * len(pattern.channels)
+
+
+def moving_scene(pattern: CfaPattern, calibration: SensorCalibration, shape: tuple[int, int], turn: int) -> Iterator[Mosaic]:
+    """Endless frames, (H, W) = shape, of the built-in scene, over which the sensor circles once in `turn` frames; with noise."""
+    height, width = shape
+    swing = max(min(shape) // _SWING, 2)
+    scene = builtin_scene(width + 2 * swing, height + 2 * swing)
+    light = filters_for(pattern, scene).of(scene.rgb)
+    rng = np.random.default_rng(_SEED)
+    for number in count():
+        angle = 2 * math.pi * number / turn
+        top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
+        yield simulate_sensor(light[top : top + height, left : left + width], pattern, calibration, 1.0, rng)

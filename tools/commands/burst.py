@@ -17,9 +17,9 @@ from tools.host.jobs import FAILED, Job, do_jobs, identity, output_folder, possi
 from tools.host.memory import reuse_memory
 from tools.host.progress import StageProgress
 from tools.rendering.burst import BurstOrder
+from tools.rendering.burst_files import series, series_stem
 from tools.rendering.compilation import limit_threads
 from tools.rendering.run import passes
-from tools.rendering.series import series, series_stem
 
 from .options import add, numbers
 from .picture_options import add_picture, add_run, order_fields

@@ -31,10 +31,9 @@ from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
-from tools.pictures.development import Development
+from tools.pictures.development import Development, write_picture
 from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
-from tools.pictures.writing import write_picture
 from tools.rendering.in_memory import merged_picture, renderings
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene

@@ -18,7 +18,7 @@ from tools.host.memory import reuse_memory
 from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
-from tools.rendering.run import Pass, passes, shard_of
+from tools.rendering.run import Pass, passes, scheduled_passes, shard_of
 
 from .options import add, add_shots, uses_scheduler, value
 from .picture_options import add_picture, add_run, order_fields
@@ -85,11 +85,10 @@ def _made(jobs: Sequence[Job], through: Sequence[Pass], console: Console) -> boo
 def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Namespace, console: Console) -> bool:
     """Whether the workers of a scheduler have made all pictures."""
     from tools.host.cluster import SchedulerGoneError, connected
-    from tools.rendering import remote
 
     try:
         with connected(arguments.scheduler, arguments.scheduler_file) as client:
-            through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
+            through = scheduled_passes(order, client, arguments.threads, arguments.max_memory, console.note)
             return _made(jobs, through, console)
     except SchedulerGoneError as error:
         console.error(f"{error}, with --resume")

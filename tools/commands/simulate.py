@@ -33,10 +33,9 @@ from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
 from tools.host.work import Here
-from tools.pictures.development import Development
+from tools.pictures.development import Development, write_picture
 from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
-from tools.pictures.writing import write_picture
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 
 from .options import add, add_protocol, camera_of, count, numbers, protocol_of

@@ -19,7 +19,7 @@ from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import Camera, CfaPattern, SensorCalibration
 from shared.errors import InputError
-from tools.camera.built_in import built_in_sensor, moving_scene, usual_gamma
+from tools.camera.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 
 from .genicam import GENICAM, GenicamCamera
 

@@ -1,16 +1,18 @@
 """How a rendering becomes a picture file: its kind, its colours, its capture data."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from shared.tiff import Directory
+from shared.writing import OnComplete, durable_file
 
-from .exif_writing import picture_directory
-from .icc_writing import icc_profile
+from .embedded import icc_profile, picture_directory
 
 if TYPE_CHECKING:
     from .kind import PictureKind
@@ -88,3 +90,31 @@ class Development:
     def written_shape(self) -> tuple[int, int]:
         """(rows, columns) of the file."""
         return self.shape[::-1] if self.turn >= 5 else self.shape
+
+
+def write_picture(
+    path: Path | str,
+    bands: Iterable[FloatArray],
+    development: Development,
+    *,
+    overwrite: bool = False,
+    on_complete: OnComplete | None = None,
+    threads: int = 1,
+) -> None:
+    """Write the bands of a rendering as they arrive, atomically; the file does not depend on how the picture is divided into bands.
+
+    The bands are taken in this thread. Others convert, compress and write those that have arrived.
+
+    path: the file.
+    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1. With
+        `PictureKind.uncertainty` (rows, W, C + 1 + C), as `offline.colour_bands` yields them.
+    overwrite, on_complete: see `durable_file`.
+    threads: number of threads that convert and compress.
+
+    Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous temporary file in the same folder.
+    Raises InputError as `Development.check` does, and if a band is no such picture. Exceptions raised by `bands` pass through, and
+    leave no file.
+    """
+    development.check()
+    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
+        development.kind.kept_as.write(file, bands, development, threads=threads, folder=Path(path).parent)

@@ -1,9 +1,11 @@
-"""Pieces of HTML pages: lists, tables, pictures. Texts are escaped here."""
+"""HTML pages in one file, which need no network, and their pieces: lists, tables, pictures. Texts are escaped here."""
 
 import base64
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from tools.host.console import one_line
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+_TEMPLATE, _REPORT = (Path(__file__).with_name(name) for name in ("page.html", "report.css"))
 _WIDEST = 1200  # pixels of a picture on a page
 
 
@@ -77,6 +80,42 @@ def reduced(pixels: ByteArray) -> "Image":
     return image
 
 
-def encode_page(page: str) -> bytes:
-    """Return the content of a page's file. What may not be in a text, but was in a name or a value from a file, is spelled out."""
-    return "\n".join(map(one_line, page.split("\n"))).encode()
+def page(title: str, css: str, body: str) -> bytes:
+    """Return the content of a page's file.
+
+    title: text.
+    css: the style sheet.
+    body: HTML.
+    """
+    whole = Template(_TEMPLATE.read_text("utf-8")).substitute(title=escape(title), css=css, body=body)
+    # What may not be in a text, but was in a name or a value from a file, is spelled out.
+    return "\n".join(map(one_line, whole.split("\n"))).encode()
+
+
+def report(
+    title: str,
+    made: str,
+    verdict: str,
+    tone: str,
+    sections: Mapping[str, str],
+    *,
+    facts: Iterable[str],
+    remarks: Iterable[str],
+    css: str,
+) -> bytes:
+    """Return the content of a report's file: title, verdict and reasons on top, then the sections, each in a box.
+
+    title, made, verdict: texts; `made` says from what the report was made.
+    tone: of the verdict: "good", "care" or "bad".
+    sections: heading -> HTML; those that are "" are left out.
+    facts: sentences below the verdict, a paragraph each.
+    remarks: what is to be listed below them.
+    css: what this report needs besides the style sheet of all reports.
+    """
+    shown = "\n".join(f"<section><h2>{escape(name)}</h2>{body}</section>" for name, body in sections.items() if body)
+    why = "".join(f"<p>{escape(fact)}</p>" for fact in facts) + bullets(remarks)
+    head = (
+        f'<h1>{escape(title)}</h1>\n<div class="made">{escape(made)}</div>\n'
+        f'<div class="verdict {tone}"><strong>{escape(verdict)}</strong>{why}</div>'
+    )
+    return page(title, f"{_REPORT.read_text('utf-8')}{css}", f"<main>\n{head}\n{shown}\n</main>")

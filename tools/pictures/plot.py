@@ -70,13 +70,6 @@ class Plot:
         look = f' style="{style}"' if style else ""
         self.add(f'<circle class="point" cx="{left:.1f}" cy="{top:.1f}" r="{radius:g}"{look}>{_tooltip(title)}</circle>')
 
-    def bar(self, x: float, y: float, width: float, title: str, style: str) -> None:
-        """Draw a bar from 0 to y; title: tooltip; style: CSS."""
-        left, top = self.at(x - width / 2, max(y, 0))
-        right, bottom = self.at(x + width / 2, min(y, 0))
-        box = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{max(bottom - top, 0.5):.1f}"'
-        self.add(f'<rect {box} style="{style}">{_tooltip(title)}</rect>')
-
     def drawn(self, description: str) -> str:
         """Return the SVG element."""
         box = "0 0 {:g} {:g}".format(*self._size)

@@ -17,8 +17,7 @@ from shared.errors import InputError, OutputError
 from shared.writing import OnComplete, keep_old, write_durably
 from tools.host.jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from tools.host.progress import StageProgress
-from tools.pictures.development import Development
-from tools.pictures.writing import write_picture
+from tools.pictures.development import Development, write_picture
 
 from .checks import check_memory, needed_memory
 from .compilation import announced_compilation, compile_ahead, load_compiled

@@ -14,9 +14,9 @@ from tools.host.jobs import Job
 from tools.host.progress import Note
 
 from .burst_files import BurstFile, leave_odd_ones_out
+from .burst_report import Shown, page
 from .checks import check_memory
 from .order import Order, Subject
-from .report import Shown, page
 
 if TYPE_CHECKING:
     from offline.burst import MergedBurst, Motion

@@ -11,8 +11,8 @@ from shared.errors import InputError
 from shared.metadata import CaptureField
 from shared.tiff import FieldType
 from tools.camera import burst as module
-from tools.camera import filters, motion, moving_thing
-from tools.camera.burst import SimulatedBurst, burst_frames, reduced, tremor
+from tools.camera import filters, motion
+from tools.camera.burst import MovingThing, SimulatedBurst, burst_frames, reduced, tremor
 from tools.scenes.drawn.builtin import builtin_scene
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
@@ -27,7 +27,7 @@ def leaves() -> FloatArray:
     return builtin_scene(240, 200).rgb
 
 
-@pytest.mark.parametrize("documented", [module, filters, motion, moving_thing])
+@pytest.mark.parametrize("documented", [module, filters, motion])
 def test_the_examples(documented: object) -> None:
     assert doctest.testmod(documented, optionflags=doctest.ELLIPSIS).failed == 0  # type: ignore[arg-type]
 
@@ -162,7 +162,7 @@ def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_what_moves_stays_in_the_scene(leaves: FloatArray, seed: int) -> None:
     frames, margin = 5, 10
-    thing = moving_thing.MovingThing.drawn(leaves, margin, frames, 1, np.random.default_rng(seed))
+    thing = MovingThing.drawn(leaves, margin, frames, 1, np.random.default_rng(seed))
     places = np.array([thing.place(frame) for frame in range(frames)])
     assert (places >= margin + thing.radius - 1e-6).all()
     assert (places <= np.array(leaves.shape[:2]) - margin - thing.radius + 1e-6).all()

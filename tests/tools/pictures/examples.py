@@ -12,11 +12,10 @@ import numpy as np
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
-from tools.pictures.development import Development
+from tools.pictures.development import Development, write_picture
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import upright
-from tools.pictures.writing import write_picture
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
 METADATA = CaptureMetadata(

@@ -21,12 +21,11 @@ from shared.display import SPACES
 from shared.errors import InputError, OutputError
 from tests.exiftool import exiftool
 from tests.tools.pictures.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
-from tools.pictures.development import CAMERA
+from tools.pictures.development import CAMERA, write_picture
+from tools.pictures.embedded import icc_profile
 from tools.pictures.formats import FORMATS
-from tools.pictures.icc_writing import icc_profile
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import quantise
-from tools.pictures.writing import write_picture
 
 FOUR = SensorCalibration(
     channels="RGBE",

@@ -10,7 +10,7 @@ from PIL import Image, ImageCms
 from shared.colorimetry import decode_srgb, encode_srgb
 from shared.display import SPACES
 from tests.exiftool import exiftool
-from tools.pictures.icc_writing import icc_profile
+from tools.pictures.embedded import icc_profile
 from tools.pictures.samples import quantise
 
 

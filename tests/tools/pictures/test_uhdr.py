@@ -17,7 +17,7 @@ from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
 from tests.exiftool import exiftool
 from tests.tools.pictures.examples import CALIBRATION, SIZES, encoded, scene
-from tools.pictures.gain_map import GainMap
+from tools.pictures.formats.uhdr import GainMap
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import display_codes, upright
 

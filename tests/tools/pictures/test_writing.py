@@ -9,10 +9,10 @@ import pytest
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, OutputError
 from tests.tools.pictures.examples import KINDS, development, encoded, scene
+from tools.pictures.development import write_picture
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import regrouped
-from tools.pictures.writing import write_picture
 
 
 def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:

@@ -6,7 +6,7 @@ import pytest
 
 from shared.errors import InputError
 from tools.host.folders import DNGS, Source, search
-from tools.rendering.series import series, series_stem
+from tools.rendering.burst_files import series, series_stem
 
 
 def found(folder: Path, *names: str) -> list[Source]:

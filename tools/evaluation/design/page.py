@@ -5,8 +5,7 @@ from html import escape
 
 import numpy as np
 
-from tools.pictures.html import cell, data_address, figure, row, row_title, table
-from tools.pictures.page import report
+from tools.pictures.html import cell, data_address, figure, report, row, row_title, table
 from tools.pictures.plot import Plot, round_step, ticks
 from tools.pictures.tile_map import tile_picture
 

@@ -6,8 +6,7 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
-from tools.pictures.page import page
+from tools.pictures.html import bullets, cell, css_class, data_address, page, row, row_title, table
 from tools.pictures.tile_map import tile_picture
 
 from ..claims import claims

@@ -60,10 +60,9 @@ class Image:
         quality: of a JPEG, 1 to 100; 95 by default.
         overwrite: replace an existing file.
         """
-        from tools.pictures.exif_writing import picture_directory
+        from tools.pictures.embedded import icc_profile, picture_directory
         from tools.pictures.formats.jpg import encode_jpeg
         from tools.pictures.formats.png import encode_png
-        from tools.pictures.icc_writing import icc_profile
 
         match Path(path).suffix.lower():
             case ".png" if quality is None:
@@ -174,10 +173,9 @@ class Picture:
         quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
         overwrite: replace an existing file. The file is whole or absent at any moment.
         """
-        from tools.pictures.development import Development
+        from tools.pictures.development import Development, write_picture
         from tools.pictures.formats import OTHER_NAMES
         from tools.pictures.kind import PictureKind
-        from tools.pictures.writing import write_picture
 
         ending = Path(path).suffix.lower().removeprefix(".")
         if not ending:

@@ -16,7 +16,7 @@ from shared.dng.exif_reading import altitude, place
 from shared.errors import OutputError
 
 from ..development import CAMERA, Development
-from ..exif_writing import software
+from ..embedded import software
 from .format import Format
 
 

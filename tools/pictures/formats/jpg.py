@@ -14,7 +14,7 @@ from shared.tiff import encode_tiff
 from tools.host.ahead import ahead
 
 from ..development import Development
-from ..exif_writing import jpeg_directory
+from ..embedded import jpeg_directory
 from ..samples import regrouped
 from .format import Format
 

@@ -13,7 +13,7 @@ from shared.display import SPACES
 from shared.tiff import encode_tiff
 
 from ..development import Development
-from ..icc_writing import icc_profile
+from ..embedded import icc_profile
 from .format import Format
 
 _START = 8 + 25  # signature and IHDR

@@ -1,31 +1,67 @@
-"""The page: the picture beside one frame's, the places that differ most, what was merged where, and how the frames lie."""
+"""The report on a burst, an HTML page: the picture beside one frame's, where they differ most, what was merged, how frames lie."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import degrees, log2
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
-from tools.pictures.html import cell, figure, picture, reduced, row, row_title, table
-from tools.pictures.page import report
+from shared.display import ColourTransform
+from tools.pictures.html import cell, figure, picture, reduced, report, row, row_title, table
 from tools.pictures.plot import Plot, round_step, ticks
+from tools.pictures.samples import Sample, display_codes, upright
 
-from ..burst_files import BurstFile
-from .shown import CELL, Shown, most_different
+from .burst_files import BurstFile
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-_STYLE = Path(__file__).with_name("page.css")
+CELL = 96
+"""Pixels, each way, of a place to look at."""
+_STYLE = Path(__file__).with_name("burst_report.css")
 _PLACES, _ENLARGED = 4, 4
 _ALONE = 0.97  # of the variance of one frame: from there on it is one frame
 _ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
 _HEAD = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
 _SEEN = 0.35  # share of the picture in the map
 _SIZE, _MARGINS = (420, 420), (58, 16, 16, 48)
-_TURNS = (420, 240)  # of the plots
+
+
+class Shown:
+    """A rendering in sRGB, 8 bits, taken while its bands go by: 3 bytes per pixel.
+
+    mosaic: its shot.
+    exposure: gain, stops.
+    Raises InputError if nothing is known of the sensor's colours.
+    """
+
+    def __init__(self, mosaic: Mosaic, exposure: float) -> None:
+        self._colours = ColourTransform.to_space(mosaic.calibration)
+        self._channels = len(mosaic.pattern.channels)
+        self._exposure, self._orientation = exposure, mosaic.metadata.orientation
+        self._codes = np.empty((*mosaic.shape, 3), np.uint8)
+
+    def taken(self, bands: Iterable[FloatArray]) -> Iterator[FloatArray]:
+        """Yield the bands of the rendering, from top to bottom, as they are."""
+        top = 0
+        for band in bands:
+            picture = band[..., : self._channels]  # without what it may state behind them
+            self._codes[top : top + len(band)] = display_codes(picture, self._colours, 8, self._exposure)
+            top += len(band)
+            yield band
+
+    @property
+    def picture(self) -> ByteArray:
+        """The picture, uint8 (H, W, 3), upright."""
+        return self.upright(self._codes)
+
+    def upright(self, plane: NDArray[Sample]) -> NDArray[Sample]:
+        """A plane of the sensor (H, W, ...), turned like the picture."""
+        return upright(plane, self._orientation)
 
 
 def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None, alone: Shown, merged: Shown) -> bytes:
@@ -51,16 +87,9 @@ def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None,
             f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there."
         )
         sections["Where frames were merged"] = _map(shares, merged, len(used))
-    if sum(frame.judged is not None and frame.judged.motion is not None for frame in frames) > 1:
-        sections["Motion"] = (
-            '<div class="pair">'
-            + figure(
-                _shift_plot(frames, reference),
-                "Where the scene lies in each frame, compared with the reference (blue); red: left out.",
-            )
-            + figure(_turn_plot(frames), "By how much it is rotated; counter-clockwise is positive.")
-            + "</div>"
-        )
+    if len(places := _places(frames)) > 1:
+        caption = "Where the scene lies in each frame, compared with the reference (blue); red: left out."
+        sections["Motion"] = figure(_shift_plot(frames, reference, places), caption)
     sections["Frames"] = _table(frames, reference)
     name = Path(frames[reference].name).name
     return report(
@@ -149,17 +178,16 @@ def _figure(image: "Image", caption: str) -> str:
     return figure(picture(image, caption), caption)
 
 
-def _shift_plot(frames: Sequence[BurstFile], reference: int) -> str:
+def _shift_plot(frames: Sequence[BurstFile], reference: int, places: Sequence[tuple[int, float, float]]) -> str:
     """A plot of where the scene lies in each frame, compared with the reference, in the order of the frames."""
-    places = _places(frames)
-    reach = 1.15 * max(0.5, *(abs(figure) for _, *place in places for figure in place[:2]))
+    reach = 1.15 * max(0.5, *(abs(figure) for _, *place in places for figure in place))
     plot = Plot((-reach, reach), (reach, -reach), _SIZE, _MARGINS)
     steps = ticks((-reach, reach), round_step(2 * reach, 8))
     plot.columns(steps)
     plot.rows(steps)
     plot.name_axes("pixels to the right", "pixels down")
-    plot.line([(right, down) for _, right, down, _ in places], "path")
-    for index, right, down, _ in places:
+    plot.line([(right, down) for _, right, down in places], "path")
+    for index, right, down in places:
         text = f"frame {index + 1}: {right:+.2f} pixels to the right, {down:+.2f} down"
         style = "fill:var(--mark)" if index == reference else "" if not frames[index].reason else "fill:var(--bad)"
         plot.dot(right, down, 6 if index == reference else 4.5, text, style)
@@ -168,21 +196,38 @@ def _shift_plot(frames: Sequence[BurstFile], reference: int) -> str:
     return plot.drawn("Shift of each frame")
 
 
-def _turn_plot(frames: Sequence[BurstFile]) -> str:
-    """A plot of the rotation of each frame."""
-    places = _places(frames)
-    reach = 1.2 * max(0.02, *(abs(angle) for *_, angle in places))
-    plot = Plot((0.4, len(frames) + 0.6), (-reach, reach), _TURNS, _MARGINS)
-    plot.columns(ticks((1, len(frames)), max(1, round_step(max(len(frames) - 1, 1), 12))))
-    plot.rows(ticks((-reach, reach), round_step(2 * reach, 4)))
-    plot.name_axes("frame", "degrees")
-    for index, *_, angle in places:
-        style = "fill:var(--bad)" if frames[index].reason else "fill:var(--mark)"
-        plot.bar(index + 1, angle, 0.6, f"frame {index + 1}: {angle:+.3f} degrees", style)
-    return plot.drawn("Rotation of each frame")
-
-
-def _places(frames: Sequence[BurstFile]) -> list[tuple[int, float, float, float]]:
-    """(index, right, down, degrees) of the frames whose motion is known."""
+def _places(frames: Sequence[BurstFile]) -> list[tuple[int, float, float]]:
+    """(index, right, down) of the frames whose motion is known."""
     motions = [(index, frame.judged.motion) for index, frame in enumerate(frames) if frame.judged is not None]
-    return [(index, motion.shift[1], motion.shift[0], degrees(motion.angle)) for index, motion in motions if motion is not None]
+    return [(index, motion.shift[1], motion.shift[0]) for index, motion in motions if motion is not None]
+
+
+def most_different(one: ByteArray, other: ByteArray, count: int) -> list[tuple[int, int]]:
+    """The places, at most `count`, at which two pictures uint8 (H, W, 3) differ most: (row, column) of their first pixels.
+
+    >>> one, other = np.zeros((2, 200, 300, 3), np.uint8)
+    >>> other[110:120, 150:160] = 255
+    >>> most_different(one, other, 1)
+    [(48, 96)]
+    """
+    return _highest(_cells(np.square(one.astype(np.float32) - other).sum(axis=2)), one.shape, count)
+
+
+def _cells(plane: FloatArray) -> FloatArray:
+    """Means of a plane over cells of half the size of a place, those at the border smaller."""
+    half = CELL // 2
+    starts = [np.arange(0, size, half) for size in plane.shape]
+    sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
+    return (sums / half**2).astype(np.float32)
+
+
+def _highest(cells: FloatArray, shape: tuple[int, ...], count: int) -> list[tuple[int, int]]:
+    """The places with the largest sums of 2 x 2 cells, which do not overlap."""
+    around = np.pad(cells, ((0, 1), (0, 1)))
+    sums = around[:-1, :-1] + around[1:, :-1] + around[:-1, 1:] + around[1:, 1:]
+    found: list[tuple[int, int]] = []
+    while len(found) < count and sums.max() > 0:
+        row, column = (int(each) for each in np.unravel_index(np.argmax(sums), sums.shape))
+        sums[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2] = 0
+        found.append((min(row * CELL // 2, max(shape[0] - CELL, 0)), min(column * CELL // 2, max(shape[1] - CELL, 0))))
+    return found

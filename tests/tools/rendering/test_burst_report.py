@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
-from tools.rendering.report.shown import CELL, Shown, most_different
+from tools.rendering.burst_report import CELL, Shown, most_different
 
 
 def test_the_places_are_where_pictures_differ_and_do_not_overlap() -> None:
