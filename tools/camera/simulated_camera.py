@@ -21,7 +21,8 @@ from tools.scenes.scene import Scene
 from .burst import SimulatedFrame
 from .filters import Filters, filters_for
 from .lens import LensFault
-from .protocols import Protocol, SensorLight, SensorProtocol, dimmed
+from .protocols import Protocol, SensorProtocol
+from .protocols.protocol import SensorLight, dimmed
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""
@@ -112,11 +113,12 @@ class SimulatedCamera:
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
-        calibration = self.before(scene, filters)
+        calibration, light = self.before(scene, filters), seen
         for fault in self.lens:
             calibration = fault.calibrated(calibration, (seen.shape[0], seen.shape[1]))
-        light = SensorLight(seen, white, self.pattern, calibration, frame.metadata(scene.metadata))
-        mosaic = self.protocol.expose(light, rng)
+            light = fault.blurred(light)
+        metadata = frame.metadata(scene.metadata)
+        mosaic = self.protocol.expose(SensorLight(light, white, self.pattern, calibration, metadata), rng)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
 
 

@@ -10,7 +10,8 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tools.camera.bayer import channel_map, sample_bayer
 from tools.camera.filters import Filters
-from tools.camera.protocols import BayerShot, Protocol
+from tools.camera.protocols import Protocol
+from tools.camera.protocols.protocol import BayerShot
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.scene import RGB, Scene
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 from tools.camera.bayer import check_mosaic
-from tools.camera.protocols import BayerShot
+from tools.camera.protocols.protocol import BayerShot
 
 from ..cameras import with_balance
 from ..method import Method

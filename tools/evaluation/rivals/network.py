@@ -17,7 +17,7 @@ from shared.arrays import BORDER, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.reading import read_text, read_whole
 from tools.camera.bayer import channel_map, check_mosaic
-from tools.camera.protocols import BayerShot
+from tools.camera.protocols.protocol import BayerShot
 
 from ..method import Method
 

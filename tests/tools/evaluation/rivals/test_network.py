@@ -10,7 +10,7 @@ from onnx import TensorProto, helper, numpy_helper, save
 
 from shared.errors import InputError
 from tools.camera.bayer import sample_bayer
-from tools.camera.protocols import BayerShot
+from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import choose, methods
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene

@@ -9,7 +9,7 @@ import rawpy
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import ORDER, sample_bayer
-from tools.camera.protocols import BayerShot
+from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals import denoising
