@@ -6,8 +6,9 @@ Aravis is a library of the system, reached by GObject introspection, and importe
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from time import monotonic
 from typing import Any
 
@@ -25,6 +26,8 @@ _BUFFERS = 4  # frames that Aravis may fill meanwhile; a frame is copied, and it
 _SILENCE = 10.0  # seconds without a frame; the longest exposures of such cameras are as long
 _POLL = 100_000  # microseconds between two looks at whether to stop
 _MICROSECONDS = 1e6  # GenICam counts the exposure in them
+SETTINGS = {"exposure_time": ("exposure_time", _MICROSECONDS), "gain": ("gain", 1.0), "fps": ("frame_rate", 1.0)}
+"""What a user sets -> its feature for Aravis, and how many of its units are one of ours; the exposure limits the frame rate."""
 _FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")  # PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
 
 
@@ -44,24 +47,15 @@ class GenicamCamera:
 
     source: genicam:ID, the name, serial number or address of a camera; see `connected`.
     pixel_format: its name for the camera, which is PFNC's (Mono12p, SCF1WBWG10); None = the one that the camera has now.
-    exposure_time: seconds; None = as the camera is set.
-    gain: in the camera's unit, mostly decibels; None = as it is set.
-    fps: frames a second; None = as it is set.
+    settings: one of SETTINGS -> its value, None = as the camera is set: exposure_time in seconds, gain in the camera's unit, mostly
+        decibels, fps in frames a second.
     Raises InputError without Aravis, if there is no such camera, if another program has it, and for what the camera cannot do.
 
     The attributes `layout` and `bits` describe the frames, `pattern` the filters (None = the camera does not say), `metadata` what
     every shot is to record, `about` the camera in words.
     """
 
-    def __init__(
-        self,
-        source: str,
-        pixel_format: str | None = None,
-        *,
-        exposure_time: float | None = None,
-        gain: float | None = None,
-        fps: float | None = None,
-    ) -> None:
+    def __init__(self, source: str, pixel_format: str | None, settings: Mapping[str, float | None]) -> None:
         self._aravis, self._error = libraries()
         self._source = source
         self._closed, self._gone = threading.Event(), threading.Event()
@@ -80,10 +74,9 @@ class GenicamCamera:
             # A program that was killed may have left it sending to nobody; as long as it does, it sends nothing to anybody else.
             self._camera.stop_acquisition()
             self._format(pixel_format)
-            # In this order: the exposure limits the frame rate.
-            self._set("exposure_time", "exposure_time", exposure_time, _MICROSECONDS)
-            self._set("gain", "gain", gain)
-            self._set("fps", "frame_rate", fps)
+            for option, (feature, units) in SETTINGS.items():
+                if (wanted := settings[option]) is not None:
+                    self._set(option, feature, wanted, units)
             if self._camera.is_feature_available("AcquisitionMode"):
                 self._camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
             self._describe()
@@ -162,20 +155,17 @@ class GenicamCamera:
             camera.set_pixel_format_from_string(wanted)
         key, self.bits = format_named(name)
         region, payload = camera.get_region(), camera.get_payload()
-        layout = FrameLayout(region.width, region.height, key)
+        self.layout = layout = FrameLayout(region.width, region.height, key)
         if camera.is_feature_available("LinePitch"):
-            layout = FrameLayout(region.width, region.height, key, camera.get_integer("LinePitch"))
+            self.layout = replace(layout, stride=camera.get_integer("LinePitch"))
         elif payload % region.height == 0 and payload > layout.frame_bytes:
-            layout = FrameLayout(region.width, region.height, key, payload // region.height)
-        if payload < layout.frame_bytes:
-            raise InputError(f"{self._source}: a frame has {payload} bytes, but {layout.size}; set a width that 8 divides")
-        self.layout = layout
+            self.layout = replace(layout, stride=payload // region.height)
+        if payload < self.layout.frame_bytes:
+            raise InputError(f"{self._source}: a frame has {payload} bytes, but {self.layout.size}; set a width that 8 divides")
         self.pattern: CfaPattern | None = read_pattern(found[1]) if (found := _FILTERS.fullmatch(name)) else None
         self._name = name
 
-    def _set(self, option: str, feature: str, wanted: float | None, units: float = 1) -> None:
-        if wanted is None:
-            return
+    def _set(self, option: str, feature: str, wanted: float, units: float) -> None:
         camera = self._camera
         if not getattr(camera, f"is_{feature}_available")():
             raise InputError(f"{self._source}: the camera has no setting for `{option}`")
@@ -183,8 +173,8 @@ class GenicamCamera:
             getattr(camera, f"set_{feature}_auto")(self._aravis.Auto.OFF)
         lowest, highest = getattr(camera, f"get_{feature}_bounds")()
         if not lowest <= wanted * units <= highest:
-            takes = f"the camera takes {lowest / units:g} to {highest / units:g}"
-            raise InputError(f"{self._source}: `{option}` is {wanted:g}; {takes}")
+            bounds = f"{lowest / units:g} to {highest / units:g}"
+            raise InputError(f"{self._source}: `{option}` is {wanted:g}; the camera takes {bounds}")
         getattr(camera, f"set_{feature}")(wanted * units)
 
     def _is_automatic(self, feature: str) -> bool:
@@ -200,7 +190,7 @@ class GenicamCamera:
             is_set = getattr(camera, f"is_{feature}_available")() and not self._is_automatic(feature)
             return getattr(camera, f"get_{feature}")() if is_set else None
 
-        time, gain, rate = map(value, ("exposure_time", "gain", "frame_rate"))
+        time, gain, rate = (value(feature) for feature, _ in SETTINGS.values())
         node = self._device.get_feature("Gain")
         unit = (node.get_unit() or "") if hasattr(node, "get_unit") else ""
         told = [f"gain {gain:g} {unit}".rstrip()] if gain is not None else []

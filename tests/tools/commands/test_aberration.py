@@ -34,21 +34,6 @@ def test_a_simulated_shot_states_it(folder: Path) -> None:
     assert "aberration    R +1.00, G +0.00, B -0.60 pixels in the corners; undone" in run("inspect", path).out
 
 
-@pytest.mark.parametrize(
-    ("option", "texts"),
-    [("--shading", ("9,0", "1,99", "much", "1,2,3", "-1")), ("--aberration", ("", "1", "much,1", "1,2,3", "21,0", "nan,0"))],
-)
-def test_impossible_lenses_are_usage(option: str, texts: tuple[str, ...], tmp_path: Path) -> None:
-    for text in texts:
-        outcome = run("simulate", "flat:60x40", "-o", tmp_path, f"{option}={text}")
-        assert (outcome.code, option in outcome.err) == (2, True), text
-
-
-def test_a_lens_that_is_too_strong_for_a_small_frame_is_refused(tmp_path: Path) -> None:
-    outcome = run("simulate", "flat:60x40", "-o", tmp_path, "--aberration", "3,0", code=1)
-    assert "flat:60x40: --aberration is 3,0: the most in a frame of 60 x 40 pixels is 1.8" in outcome.err
-
-
 def test_edges_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
     np.testing.assert_allclose(camera.calibration.aberration.corner(SHAPE), [LENS[0], 0, LENS[1]], atol=0.3)

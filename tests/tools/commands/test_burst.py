@@ -117,33 +117,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     assert found[1] > found[-1] + 3
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--shifts", "0,0", "2,0"), "--shifts has 2 places for 3 shots, expected one for each"),
-        (("--shifts", "0,0", "nan,0", "1,1"), "--shifts are ((0.0, 0.0), (nan, 0.0)"),
-        (("--shifts", "0,0", "-2,-1e9", "1,1"), "expected 1000 pixels at most"),
-        (("--reference", "elsewhere.dng"), "--reference elsewhere.dng: is none of the 3 shots of the burst"),
-    ],
-)
-def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    assert words in run("burst", taken, "-o", tmp_path / "new", *options, code=2).err.splitlines()[-1]
-    assert names(tmp_path) == set()
-
-
 # --- which frames ---------------------------------------------------------------------------------------------------------------
-
-
-def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
-    shutil.copy(frame(frames, 1), frames / "rose-1.dng")
-    assert "rose-1.dng; name the files of one" in run("burst", frames, "-o", out, code=2).errors[0]
-    assert names(out) == set()
-
-
-def test_one_frame_is_no_burst(taken: Path, out: Path) -> None:
-    outcome = run("burst", frame(taken, 1), "-o", out)
-    assert_refused(outcome, "is one frame, expected two or more", "panchroma render", name=str(frame(taken, 1)), code=2)
-    assert_refused(run("burst", "missing", "-o", out), "no such file", name="missing", code=2)
 
 
 def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) -> None:

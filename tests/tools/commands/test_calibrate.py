@@ -118,21 +118,6 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     assert read_camera(output).calibration.gamma == known
 
 
-def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Path) -> None:
-    shot, output = folder / "chart.dng", tmp_path / "camera.json"
-    commands: tuple[tuple[list[str | Path], str], ...] = (
-        (["-o", output], "nothing to calibrate from"),
-        ([shot, "-o", tmp_path], "is a folder"),
-        ([shot, "-o", tmp_path / "no" / "camera.json"], "does not exist"),
-        ([shot, shot, "--corners", *CORNERS, "-o", output], "one shot"),
-        ([shot, "--corners", "1", "2", "3", "4", "-o", output], "is not 2 numbers with commas between them"),
-        ([shot, "-o", shot, "--overwrite"], "is an input"),
-    )
-    for words, why in commands:
-        outcome = run("calibrate", *words)
-        assert (outcome.code, why in outcome.err) == (2, True), why
-
-
 def camera(measured: tuple[str, ...], **changes: Any) -> Camera:
     pattern = frame(np.zeros((12, 12, 3))).pattern
     return Camera(replace(BLIND, **changes), pattern, {part: {"date": "2026-01-01"} for part in measured})

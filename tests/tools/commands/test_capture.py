@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from device.capture import frame_folder
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
+from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray
 from shared.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
@@ -186,18 +186,6 @@ def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
     assert not np.array_equal(two.codes, three.codes)
 
 
-@pytest.mark.parametrize("source", ["builtin:64x48@50", "-"])
-def test_another_pattern_than_the_camera_file_s_is_refused(source: str, out: Path, tmp_path: Path) -> None:
-    file = tmp_path / "camera.json"
-    calibration = SensorCalibration.of_bits(12, headroom=False)
-    file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(6)).to_json()))
-    layout = [] if source != "-" else LAYOUT
-    error = run(source, "-o", out, "--camera", file, "--period", "8", *layout).err
-    assert error.startswith(f"panchroma: {file}: the pattern is RGB period 8")
-    assert "the camera file's RGB period 6" in error
-    assert shots(out) == []
-
-
 def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
     camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
     file = tmp_path / "camera.json"
@@ -205,32 +193,6 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
     done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file), code=0)
     assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
     assert "no --camera" not in done.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["."], ".: frames have no header; describe them with --width, --height, --pixel-format"),
-        (["builtin:64x48"], "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS"),
-        (["builtin:64x48@9", "--width", "64"], "--width does not go with builtin:64x48@9"),
-        (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder can already contain frames"),
-        (["builtin:64x48@9", "--wait"], "--wait does not go with builtin:64x48@9"),
-        (["builtin:64x48@9", "--burst", "2", "--frames", "2"], "--frames does not go with --burst"),
-        (["builtin:4000x3000@9", "--burst", "999999"], "that many frames of 4000 x 3000 need 22351.8 GB of memory"),
-        (["builtin:64x48@9", "--black", "0"], "--black does not go with builtin:64x48@9"),
-        ([".", *DESCRIBED, "--covered", "--unchecked"], "--covered does not go with ."),
-        ([".", *DESCRIBED, "--black", "-1"], "--black is -1, expected a code from 0 to 2047"),
-        ([".", *DESCRIBED, "--black", "16", "--camera", "camera.json"], "--black does not go with --camera"),
-        (["builtin:64x48@9", "--latest", "."], "exists and is no link"),
-    ],
-)
-def test_what_is_asked_in_vain_is_told_at_once(
-    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("camera.json").write_text(json.dumps(Camera(SensorCalibration.of_bits(12)).to_json()))
-    assert words in run(*arguments, "-o", out, code=2).err
-    assert list(out.iterdir()) == []
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:

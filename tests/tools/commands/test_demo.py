@@ -73,19 +73,3 @@ def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
     assert min(found["Gain"]) > 0
     assert pixels(folder / "burst.png").shape == pixels(folder / "frame.png").shape == truth.shape
     assert len({read_dng(folder / name).samples.tobytes() for name in frames}) == 4
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--sigma", "-1"], "--sigma is -1.0"),
-        (["--sigma", "nan"], "--sigma is nan"),
-        (["--burst", "1"], "--burst is 1, expected 2 frames or more"),
-    ],
-)
-def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str], words: str) -> None:
-    (small / "file").write_text("old")
-    outcome = run("demo", *options, code=2)
-    assert len(outcome.err.splitlines()) == 1
-    assert outcome.err.startswith(f"panchroma: {words}")
-    assert names(small) == {"file"}

@@ -82,18 +82,3 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
     alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
     assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--period", "2"), "--period is 2, expected 3 to"),
-        (("--sigma", "-1"), "--sigma is -1.0, expected 0 or more"),
-        (("--light", "0.5"), "--light is not a level of --protocol paper, whose noise is set by --sigma"),
-        (("--max-memory", "lots"), "argument --max-memory: 'lots' is not a size"),
-        (("--max-memory", "1M"), "no scene could be read"),
-    ],
-)
-def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
-    assert said in run("evaluate", "builtin:60x60", "-o", tmp_path, *options, code=2).err
-    assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,6 @@
 """`capture --pattern auto`: the first frames tell the tile, and none of them is lost."""
 
 import fcntl
-import json
 import signal
 import subprocess
 import termios
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from device.capture import frame_folder, identify
-from shared import Camera, CfaPattern, SensorCalibration, read_dng
+from shared import read_dng
 from shared.arrays import CodeArray
 from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.tools.command import run, start
@@ -52,22 +51,16 @@ def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: 
 
 
 @pytest.mark.parametrize(
-    ("frame", "more", "words"),
+    ("frame", "words"),
     [
-        (DARK, (), "the first 4 frames show no pattern of filters; --pattern auto takes a tile with a name, light and colours"),
-        (BAYER, (), "the first 4 frames show Bayer, "),
-        (KODAK, ("--origin", "0", "0"), "leave --period and --origin out"),
-        (KODAK, ("--camera", "{camera}"), "the camera file says the pattern"),
+        (DARK, "the first 4 frames show no pattern of filters; --pattern auto takes a tile with a name, light and colours"),
+        (BAYER, "the first 4 frames show Bayer, "),
     ],
 )
-def test_what_does_not_tell_a_tile_is_refused(
-    frames: Path, out: Path, tmp_path: Path, frame: CodeArray, more: tuple[str, ...], words: str
-) -> None:
-    camera = tmp_path / "camera.json"
-    camera.write_text(json.dumps(Camera(SensorCalibration.of_bits(12), CfaPattern.bayer(6)).to_json()))
+def test_what_does_not_tell_a_tile_is_refused(frames: Path, out: Path, frame: CodeArray, words: str) -> None:
     for number in range(4):
         (frames / f"{number}.raw").write_bytes(frame.astype("<u2").tobytes())
-    outcome = run("capture", frames, "-o", out, *LAYOUT, *(each.format(camera=camera) for each in more), code=2)
+    outcome = run("capture", frames, "-o", out, *LAYOUT, code=2)
     assert words in outcome.errors[0]
     assert not list(out.glob("*"))
 
@@ -82,8 +75,3 @@ def test_a_signal_ends_it_while_it_waits_for_the_first_frame(out: Path, number: 
         process.send_signal(number)
         assert process.wait(60) == code
     assert not list(out.iterdir())
-
-
-def test_a_simulated_sensor_has_the_pattern_that_is_chosen(out: Path) -> None:
-    outcome = run("capture", "builtin:60x40@10", "-o", out, "--pattern", "auto")
-    assert "--pattern auto does not go with builtin:60x40@10" in outcome.errors[0]

@@ -85,25 +85,3 @@ def test_broadband_filters_show_the_colours_of_the_scene(out: Path) -> None:
     shown = np.load(out / f"{stem}.npy")
     assert np.abs(np.median(shown - expected, axis=(0, 1))).max() < 0.02
     assert np.abs(shown.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.03
-
-
-@pytest.mark.parametrize(
-    ("verb", "options"),
-    [("simulate", ["builtin:40x40"]), ("capture", ["builtin:48x48@5"]), ("view", ["builtin:48x48@5"]), ("export-preview", [])],
-)
-def test_every_command_with_a_period_takes_a_pattern_and_refuses_a_wrong_one(
-    out: Path, tmp_path: Path, verb: str, options: list[str]
-) -> None:
-    target = ["-o", str(out / "a.onnx" if verb == "export-preview" else out)]
-    wrong = tmp_path / "wrong.txt"
-    wrong.write_text("RGW\nGBWW\n")
-    for given, words in (
-        (["RGWW/GBWW/WWWW/WWWW", "--period", "4"], "leave --period out"),
-        (["nothing.txt"], "--pattern 'nothing.txt': is not the capital letters"),
-        ([str(wrong)], f"{wrong}: the rows of 'RGW/GBWW' differ in length"),
-    ):
-        assert words in run(verb, *options, *target, "--pattern", *given, code=2).errors[0]
-    if verb != "export-preview":
-        impossible = run(verb, *options, *target, "--pattern", "RXWW/GBWW/WWWW/WWWW")
-        assert (impossible.code, "has the filters X" in impossible.errors[0]) == (1 if verb == "simulate" else 2, True)
-    assert not list(out.iterdir())

@@ -97,13 +97,6 @@ def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
     assert len({(folder / "shot.jpg").stat().st_size // 1000 for folder in made}) == 2
 
 
-def test_a_scale_that_the_pattern_has_not(tmp_path: Path) -> None:
-    source = shot(tmp_path)
-    assert_refused(run("preview", source, "-o", tmp_path, "--scale", "4"), "has 1, 2, 3, 6", name=str(source))
-    outcome = run("preview", source, "-o", tmp_path, "--scale", "0")
-    assert (outcome.code, outcome.errors) == (2, ["panchroma: --scale is 0, expected 1 or more"])
-
-
 def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
     source, file = shot(tmp_path), tmp_path / "camera.json"
     own = read_dng(source)

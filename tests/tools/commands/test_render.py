@@ -227,25 +227,6 @@ def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
 # --- what is refused ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--bits", "16", "--space", "camera"), "tif does not hold camera with 16 bits; it holds"),
-        (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr"),
-        (("-f", "jpg", "--quality", "0"), "the quality is 0, expected 1 to 100"),
-        (("--wb", "auto", "--space", "camera"), "--wb does not go with --space camera"),
-        (("--wb", "daylight"), "--wb is 'daylight', expected camera, auto or multipliers R,G,B"),
-        (("--wb", "2,0,1"), "expected multipliers between 0.001 and 1000"),
-        (("--exposure", "1", "--space", "camera"), "--exposure is 1 stops, but --space camera is the scene as measured"),
-    ],
-)
-def test_pictures_that_no_file_holds_are_usage(out: Path, shot: Path, options: tuple[str, ...], words: str) -> None:
-    (line,) = run("render", shot, shot, "-o", out, *options, code=2).err.splitlines()
-    assert line.startswith("panchroma: ")
-    assert words in line
-    assert results(out) == set()
-
-
 def flipped(data: bytes, place: int) -> bytes:
     return data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :]
 

@@ -217,50 +217,7 @@ def test_a_scene_is_reduced_with_and_without_a_burst(out: Path, tmp_path: Path) 
     assert np.array_equal(read_dng(out / "scene-1.dng").codes, read_dng(out / "scene.dng").codes)
 
 
-def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
-    assert_refused(run("simulate", SOURCE, "-o", out, *HAND), "nothing is left; take a larger picture", name=SOURCE)
-    assert names(out) == set()
-
-
 # --- what is refused ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--period", "2"], "the period is 2, expected 3 to 16"),
-        (["--sensor-bits", "7"], "7 bits: expected 8 to 16"),
-        (["--sigma", "-1"], "--sigma is -1.0, expected 0 or more"),
-        (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is not a level of --protocol sensor, whose noise is set by --light"),
-        (["--light", "2"], "--light is not a level of --protocol paper"),
-        (["--motion", "2"], "--motion needs --burst"),
-        (["--moving"], "--moving needs --burst"),
-        (["--burst", "2", "--motion", "-1"], "--motion is -1.0 pixels, expected 0 to"),
-        (
-            ["--burst", "2", "--bracket", "0,x"],
-            "argument --bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
-        ),
-        (["--burst", "2", "--bracket", "0"], "--bracket has 1 figures for 2 frames"),
-        (["--camera", "missing.json"], "missing.json: there is no such file"),
-    ],
-)
-def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
-    assert words in run("simulate", SOURCE, "-o", out, *options, code=2).err.splitlines()[-1]
-    assert names(out) == set()
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("not json", "is not JSON"),
-        ('{"schema": 1, "channels": "RGBE"}', "channels RGB, the calibration RGBE: they belong to different sensors"),
-    ],
-)
-def test_a_camera_file_that_does_not_fit_is_usage(out: Path, tmp_path: Path, text: str, words: str) -> None:
-    (tmp_path / "camera.json").write_text(text)
-    outcome = run("simulate", SOURCE, "-o", out, "--camera", tmp_path / "camera.json")
-    assert_refused(outcome, words, name=str(tmp_path / "camera.json"), code=2)
-    assert names(out) == set()
 
 
 @pytest.mark.parametrize(
@@ -278,9 +235,3 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
     assert [record["ok"] for record in outcome.records] == [False, True]
     assert outcome.records[0]["error"] == outcome.errors[0].removeprefix("panchroma: ")
     assert names(out) == {SHOT, TRUTH}
-
-
-def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path) -> None:
-    outcome = run("simulate", SOURCE, "-o", out, "--period", "9", "--layout", "cfa", "--truth", code=1)
-    assert 'the layout "cfa" cannot hold this pattern' in outcome.errors[0]
-    assert names(out) == set()

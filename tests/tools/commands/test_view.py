@@ -12,21 +12,8 @@ import pytest
 
 from shared import read_dng
 from tests.browser import Browser
-from tests.tools.command import run, start
+from tests.tools.command import start
 from tests.tools.live.test_viewfinder import codes, pictures
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--latest", "latest"], "--latest needs -o DIR"),
-        (["--bind", "camera"], "'camera' is not the address"),
-        (["--scale", "5"], "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"),
-    ],
-)
-def test_what_is_asked_in_vain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert words in run("view", "builtin:64x48@9", *arguments, code=2).err
 
 
 class Command:

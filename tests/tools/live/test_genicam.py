@@ -223,11 +223,3 @@ def test_the_viewfinder_shows_it(plug: Plug) -> None:
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gi", None)
     assert "apt-get install gir1.2-aravis-0.8 python3-gi" in run("capture", "genicam:", code=2).err
-
-
-def test_settings_are_of_a_connected_camera(out: Path) -> None:
-    for source in (str(out), "builtin:64x48@9"):
-        outcome = run("capture", source, "-o", out, "--gain", "3", code=2)
-        assert f"--gain does not go with {source}" in outcome.err
-    outcome = run("capture", SOURCE, "-o", out, "--wait")
-    assert "a sensor does not wait" in outcome.err

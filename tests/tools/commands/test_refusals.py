@@ -1,0 +1,209 @@
+"""What no command does: it ends before its work, says in one line what is wrong, and leaves every file and folder as it was."""
+
+import json
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from shared import Camera, CfaPattern, SensorCalibration
+from tests.tools.command import contents, run
+
+FRAMES = "--width 128 --height 96 --pixel-format raw12"
+SHORT = "--sizes 3 --steps 3"
+
+# Command -> what is added to it -> words of the only line that says what is wrong.
+USAGE = {
+    "simulate builtin:24x18 -o out": {
+        "--period 2": "the period is 2, expected 3 to 16",
+        "--sensor-bits 7": "7 bits: expected 8 to 16",
+        "--sigma -1": "--sigma is -1.0, expected 0 or more",
+        "--sigma 0.1 --protocol sensor": "--sigma is not a level of --protocol sensor, whose noise is set by --light",
+        "--light 2": "--light is not a level of --protocol paper",
+        "--motion 2": "--motion needs --burst",
+        "--moving": "--moving needs --burst",
+        "--burst 2 --motion -1": "--motion is -1.0 pixels, expected 0 to",
+        "--burst 2 --bracket 0,x": "--bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
+        "--burst 2 --bracket 0": "--bracket has 1 figures for 2 frames",
+        "--camera missing.json": "missing.json: there is no such file",
+        "--camera text.json": "text.json: is not JSON",
+        "--camera rgbe.json": "rgbe.json: the pattern has channels RGB, the calibration RGBE: they belong to different sensors",
+        **{f"--shading={lens}": "--shading" for lens in ("9,0", "1,99", "much", "1,2,3", "-1")},
+        **{f"--aberration={lens}": "--aberration" for lens in ("", "1", "much,1", "1,2,3", "21,0", "nan,0")},
+    },
+    "render shot.dng -o out": {
+        "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
+        "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr",
+        "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
+        "--wb auto --space camera": "--wb does not go with --space camera",
+        "--wb daylight": "--wb is 'daylight', expected camera, auto or multipliers R,G,B",
+        "--wb 2,0,1": "expected multipliers between 0.001 and 1000",
+        "--exposure 1 --space camera": "--exposure is 1 stops, but --space camera is the scene as measured",
+        "--defects shot.dng --preset paper": "--defects needs --preset best",
+        **{f"--shard {shard}": f"'{shard}' is not a part and their number, such as 3/8" for shard in ("0/2", "3/2", "2", "1/x")},
+        "--workers 2 --scheduler tcp://a:1": "--workers cannot be used with a scheduler",
+        "--scheduler ''": "--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE",
+        "--scheduler tcp://a:1 --scheduler-file b": "--scheduler and --scheduler-file name the same thing",
+        "--uncertainty -f png": "scene units",
+    },
+    "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
+    "burst frames -o out": {
+        "--shifts 0,0 2,0": "--shifts has 2 places for 3 shots, expected one for each",
+        "--shifts 0,0 2,0 0,2 2,2": "--shifts has 4 places for 3 shots, expected one for each",
+        "--shifts 0,0 nan,0 1,1": "--shifts are ((0.0, 0.0), (nan, 0.0)",
+        "--shifts 0,0 -2,-1e9 1,1": "expected 1000 pixels at most",
+        "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the 3 shots of the burst",
+    },
+    "burst -o out": {
+        "shot.dng": "shot.dng: is one frame, expected two or more of one scene; panchroma render renders a shot",
+        "missing.dng": "missing.dng: there is no such file",
+        "two": "rose-1.dng; name the files of one",
+    },
+    "capture builtin:64x48@9 -o out": {
+        "--width 64": "--width does not go with builtin:64x48@9",
+        "--new": "--new does not go with builtin:64x48@9: only a folder can already contain frames",
+        "--wait": "--wait does not go with builtin:64x48@9",
+        "--burst 2 --frames 2": "--frames does not go with --burst",
+        "--black 0": "--black does not go with builtin:64x48@9",
+        "--gain 3": "--gain does not go with builtin:64x48@9",
+        "--latest .": "exists and is no link",
+        "--pattern auto": "--pattern auto does not go with builtin:64x48@9",
+        "--camera six.json --period 8": "six.json: the pattern is RGB period 8",
+        "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
+    },
+    "capture -o out": {
+        ".": ".: frames have no header; describe them with --width, --height, --pixel-format",
+        "builtin:64x48": "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS",
+        "builtin:4000x3000@9 --burst 999999": "that many frames of 4000 x 3000 need 22351.8 GB of memory",
+        "nowhere": "nowhere: is not a folder; SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS",
+        "genicam:127.0.0.1 --wait": "a sensor does not wait",
+        ". --gain 3": "--gain does not go with .",
+    },
+    f"capture . -o out {FRAMES}": {
+        "--covered --unchecked": "--covered does not go with .",
+        "--black -1": "--black is -1, expected a code from 0 to 2047",
+        "--black 2048": "--black is 2048, expected a code from 0 to 2047",
+        "--black 16 --camera camera.json": "--black does not go with --camera",
+        "--pattern auto --origin 0 0": "leave --period and --origin out",
+        "--pattern auto --camera six.json": "the camera file says the pattern",
+        "--camera six.json --period 8": "the camera file's RGB period 6",
+    },
+    "view builtin:64x48@9": {
+        "--latest latest": "--latest needs -o DIR",
+        "--bind camera": "'camera' is not the address",
+        "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
+        "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
+    },
+    "evaluate builtin:60x60 -o out": {
+        "--period 2": "--period is 2, expected 3 to",
+        "--sigma -1": "--sigma is -1.0, expected 0 or more",
+        "--light 0.5": "--light is not a level of --protocol paper, whose noise is set by --sigma",
+        "--max-memory lots": "--max-memory: 'lots' is not a size",
+        "--max-memory 1M": "no scene could be read",
+        "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
+        "--show x --methods bilinear": "--show: ",
+    },
+    f"design -o out {SHORT}": {
+        "--sigma 0.01 --photons 100": "--sigma and --photons",
+        "--worst 0 --whole 0": "nothing matters",
+        "--channels RRG": "--channels is 'RRG'",
+        "--sizes 99": "--sizes holds 99",
+        "--channels RB --photographs builtin:60x60": "no render fills in",
+        "--photons 0": "--photons is 0",
+    },
+    "demo": {
+        "--sigma -1": "--sigma is -1.0",
+        "--sigma nan": "--sigma is nan",
+        "--burst 1": "--burst is 1, expected 2 frames or more",
+    },
+    "export-preview": {
+        "-o g.txt": "g.txt: a graph has a name that ends in .onnx; write g.onnx",
+        "-o g.onnx --scale 4": "has 1, 2, 3, 6",
+        "-o g.onnx --period 2": "the period is 2, expected 3 to 16",
+        "-o g.onnx --like shot.dng --period 6": "leave --pattern and --period out",
+        "-o g.onnx --like gone.dng": "gone.dng: there is no such file",
+        "-o missing/g.onnx": "the folder missing does not exist",
+        "-o mine.onnx": "mine.onnx: exists already; use --overwrite",
+    },
+    "calibrate": {
+        "-o new.json": "nothing to calibrate from",
+        "shot.dng -o .": "is a folder",
+        "shot.dng -o no/camera.json": "does not exist",
+        "shot.dng shot.dng --corners 1,2 3,4 5,6 7,8 -o new.json": "one shot",
+        "shot.dng --corners 1 2 3 4 -o new.json": "is not 2 numbers with commas between them",
+        "shot.dng -o shot.dng --overwrite": "is an input",
+        "--chart-light D65 shot.dng -o new.json": "--chart-light is given once for each of two lights",
+    },
+}
+# Every command that takes a pattern.
+PATTERNS = {
+    "--pattern RGWW/GBWW/WWWW/WWWW --period 4": "leave --period out",
+    "--pattern nothing.txt": "--pattern 'nothing.txt': is not the capital letters",
+    "--pattern wrong.txt": "wrong.txt: the rows of 'RGW/GBWW' differ in length",
+}
+for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -o out", "view builtin:64x48@9"):
+    USAGE[with_pattern] |= PATTERNS
+USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}
+
+# The same, where a file is to blame: others would have been worked on.
+FILES = {
+    "simulate builtin:24x18 -o out": {
+        "--burst 3 --motion 2": "nothing is left; take a larger picture",
+        "--period 9 --layout cfa --truth": 'out/builtin-24x18.dng: the layout "cfa" cannot hold this pattern',
+        "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
+        "--aberration 3,0": "builtin:24x18: --aberration is 3,0: the most in a frame of 24 x 18 pixels is ",
+    },
+    "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"},
+    "identify": {
+        "rgb.tif": "rgb.tif: is a picture with several colours at each pixel",
+        "float.npy": "float.npy: its samples are float32",
+        "none.dng": "none.dng: there is no such file",
+        "text.json": "a frame without a header needs --width, --height and --pixel-format",
+        "text.json --width 9 --height 9": "describe them with --pixel-format",
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A shot, a burst, camera files, and files that are none of them."""
+    folder = tmp_path_factory.mktemp("bench")
+    run("simulate", "builtin:24x18", "-o", folder, code=0)
+    (folder / "builtin-24x18.dng").rename(folder / "shot.dng")
+    run("simulate", "builtin:24x18", "-o", folder / "frames", "--burst", "3", code=0)
+    shutil.copytree(folder / "frames", folder / "two")
+    shutil.copy(folder / "shot.dng", folder / "two" / "rose-1.dng")
+    for name, pattern in (("camera.json", None), ("six.json", CfaPattern.bayer(6))):
+        (folder / name).write_text(json.dumps(Camera(SensorCalibration.of_bits(12), pattern).to_json()))
+    (folder / "text.json").write_text("not json")
+    (folder / "rgbe.json").write_text('{"schema": 1, "channels": "RGBE"}')
+    (folder / "wrong.txt").write_text("RGW\nGBWW\n")
+    (folder / "mine.onnx").write_text("mine")
+    tifffile.imwrite(folder / "rgb.tif", np.zeros((20, 30, 3), np.uint16), photometric="rgb")
+    np.save(folder / "float.npy", np.zeros((20, 30), np.float32))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        pytest.param(f"{command} {more}", code, words, id=f"{command.split()[0]} {more}")
+        for code, table in ((1, FILES), (2, USAGE))
+        for command, refused in table.items()
+        for more, words in refused.items()
+    ],
+)
+def test_it_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch, line: str, code: int, words: str) -> None:
+    monkeypatch.chdir(folder)
+    before = contents(folder)
+    outcome = run(*shlex.split(line), code=code)
+    said = outcome.err.splitlines()[-1]
+    assert words in said
+    assert said.startswith("panchroma")
+    assert "fault" not in outcome.err
+    assert outcome.out == ""
+    assert contents(folder) == before
+    assert not (folder / "out").exists()
