@@ -31,7 +31,7 @@ from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
 from tests.benchmarks.frame import Frame
-from tools.host.processors import THREAD_VARIABLES
+from tools.host.processes import THREAD_VARIABLES
 from tools.host.versions import package_version, program_version
 
 Work = Callable[[], object]

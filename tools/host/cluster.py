@@ -26,7 +26,7 @@ from typing import Any, TypeVar
 from shared.errors import InputError, PanchromaError
 from shared.reading import read_text
 
-from .console import OUR_PACKAGES, one_line
+from .console import OUR_PACKAGES, once_each, one_line
 from .progress import Note, StageProgress
 from .signals import raise_lost_signal
 from .versions import package_version
@@ -168,12 +168,12 @@ class Cluster:
             self._note(f"waiting for workers of {self._address}: start one per core with `{command}` (ADDRESS: the worker's own)")
             raise_lost_signal()
             time.sleep(_POLL)
-        remarks: dict[str, list[str]] = {}
-        for address, answer in self._client.run(program, on_error="return").items():
-            if not isinstance(answer, OSError) and (remark := _judged(address, answer)):  # an OSError: it has left
-                remarks.setdefault(remark, []).append(address)
-        for remark, (first, *more) in remarks.items():
-            self._note(f"worker {first}{f' and {len(more)} more' if more else ''}: {remark}")
+        answers = self._client.run(program, on_error="return").items()
+        remarks = [
+            (f"worker {each}", _judged(each, said)) for each, said in answers if not isinstance(said, OSError)
+        ]  # it has left
+        for line in once_each((worker, remark) for worker, remark in remarks if remark):
+            self._note(line)
 
     def _results(self, work: Callable[[P, StageProgress], R], waiting: Iterator[P]) -> Iterator[tuple[P, R | Exception]]:
         """Yield (piece, result) as pieces end. Raises one of `_LOST` when the scheduler is gone."""

@@ -5,7 +5,7 @@ import re
 import sys
 import traceback
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,12 +60,8 @@ class Console:
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
-        sources: dict[str, list[str]] = {}
-        for source, remarks in noted:
-            for remark in remarks:
-                sources.setdefault(remark, []).append(source)
-        for remark, (first, *more) in sources.items():
-            self.note(f"{first}{f' and {len(more)} more' if more else ''}: {remark}")
+        for line in once_each((source, remark) for source, remarks in noted for remark in remarks):
+            self.note(line)
 
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr."""
@@ -122,6 +118,15 @@ def fault(error: BaseException) -> str:
     place = (ours or frames)[-1]
     where = f"{Path(place.filename).name}:{place.lineno}"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
+
+
+def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Each remark once, in a line that names the first that it is about, and counts the others. remarks: (about what, remark)."""
+    about: dict[str, list[str]] = {}
+    for name, remark in remarks:
+        about.setdefault(remark, []).append(name)
+    for remark, (first, *more) in about.items():
+        yield f"{first}{f' and {len(more)} more' if more else ''}: {remark}"
 
 
 def to_stdout(*lines: str) -> None:

@@ -49,20 +49,19 @@ class Job:
     def make_folders(self) -> None:
         """Create the subfolders for the outputs. Call it when all else has gone well. Raises OutputError."""
         for folder in {output.parent for output in self.outputs}:
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+            _make(folder)
+
+
+def _make(folder: Path) -> None:
+    """Create a folder, unless it is there: several commands may begin at the same time. Raises OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
 
 
 State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]
-_WORDS: dict[State, str] = {
-    "made": "made",
-    "planned": "to be made",
-    "current": "up to date",
-    "foreign": "left alone",
-    "failed": "failed",
-}
+_WORDS: dict[State, str] = {"planned": "to be made", "current": "up to date", "foreign": "left alone"}
 
 
 @dataclass(frozen=True)
@@ -112,10 +111,7 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results")
         if dry_run:
             return path
-        try:
-            path.mkdir(exist_ok=True)  # several commands may begin at the same time
-        except OSError as error:
-            raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+        _make(path)
         _created.append(path)
     if not path.is_dir():
         raise OutputError(f"{folder}: is not a folder; name the folder for the results")
@@ -205,7 +201,8 @@ def do_jobs(
 
 def counted(states: Counter[State]) -> str:
     """The states of jobs in words, for example "3 made, 1 failed"."""
-    return ", ".join(f"{states[state]} {words}" for state, words in _WORDS.items() if states[state])
+    order: tuple[State, ...] = ("made", *_WORDS, "failed")
+    return ", ".join(f"{states[state]} {_WORDS.get(state, state)}" for state in order if states[state])
 
 
 def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
@@ -259,17 +256,16 @@ def refuse_loss(
     for output in outputs:
         # On many disks names that differ only in case are one file.
         name = os.path.normcase(output).casefold()
-        if name in planned:
-            if planned[name] == source:
-                raise InputError(f"{source}: is given twice")
-            raise InputError(f"{source}: the result would have the same name as that of {planned[name]}; use another output folder")
+        owner = planned.get(name)
+        if owner == source:
+            raise InputError(f"{source}: is given twice")
+        if owner is not None:
+            raise InputError(f"{source}: the result would have the same name as that of {owner}; use another output folder")
         planned[name] = source
         found = identity(output)
-        if found is None:
-            continue
         if found in inputs:
             raise OutputError(f"{output}: is an input; use another output folder")
-        if output.is_dir():
+        if found and output.is_dir():
             raise OutputError(f"{output}: is a folder; remove it, or use another output folder")
 
 

@@ -1,19 +1,20 @@
 """Long-lived worker processes that share a list of work. A worker that dies is replaced, and its piece is tried once more."""
 
 import multiprocessing
+import os
 import signal
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from shared.errors import InputError
+from shared.processors import THREADS
 
-from .processors import limited_threads
 from .progress import Note, StageProgress
 from .signals import deferred_signals, end_with_parent, raise_lost_signal, send_again_if_lost
 from .work import Here, portable, result_or_error
@@ -22,6 +23,8 @@ P = TypeVar("P")
 R = TypeVar("R")
 
 _DEATHS = 2  # a piece of work that has killed this many workers is given up
+# Numerical libraries read these when they are loaded, and not again.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", THREADS, "OPENCV_FOR_THREADS_NUM")
 _PATIENCE = 10.0  # seconds that workers get to leave in order before they are killed
 
 
@@ -52,7 +55,7 @@ class Processes:
             return
         workers: dict[Any, _Worker[P, R]] = {}
         try:
-            with limited_threads(self.threads):
+            with _limited_threads(self.threads):
                 yield from self._results(work, deque(enumerate(pieces)), workers)
         finally:
             for worker in workers.values():
@@ -92,6 +95,19 @@ class Processes:
                 else:
                     workers.pop(connection).leave()
                 yield piece, content
+
+
+@contextmanager
+def _limited_threads(count: int) -> Iterator[None]:
+    """Processes started in the `with` block give each numerical library `count` threads."""
+    before = {name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(count)))
+    try:
+        yield
+    finally:
+        for name in THREAD_VARIABLES:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 class _Worker(Generic[P, R]):
