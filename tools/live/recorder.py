@@ -3,24 +3,14 @@
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import cast
 
-from device import Preview
-from device.capture import PreviewMaker, Saved, Sensor, capture, capture_burst
+from device.capture import Saved, capture, capture_burst
 from device.capture.frame_queue import FrameQueue
 from device.capture.shots import ShotFolder
-from shared.arrays import ByteArray
-from shared.errors import InputError
 
-from .source import FrameSource, Stopped
+from .source import FrameSource, Note, Stopped, preview_maker
 
 _DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
-
-
-def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
-    """A camera's preview as a function, ready before the first frame arrives; for the arguments and errors see `Preview`."""
-    preview = Preview(sensor.pattern, scale, threads=threads)
-    return lambda mosaic: cast(ByteArray, preview.run(mosaic))
 
 
 class Recorder:
@@ -53,7 +43,7 @@ class Recorder:
         """Number of frames that have come and are not saved yet; of a burst, only those that nobody has taken."""
         return 0 if self._queue is None else len(self._queue)
 
-    def saved(self, stopped: Stopped, refused: Callable[[str], None], note: Callable[[str], None]) -> Iterator[Saved]:
+    def saved(self, stopped: Stopped, refused: Callable[[object], None], note: Note) -> Iterator[Saved]:
         """Save frames until they end, and yield each.
 
         stopped: polled between frames: whether to end.
@@ -61,20 +51,12 @@ class Recorder:
         note: called with remarks on the first frames.
         Raises InputError when the stream breaks off, OutputError when a file cannot be written.
         """
-
-        def refuse(error: InputError) -> None:
-            refused(str(error))
-
-        frames, sensor, burst = self._source.frames(stopped, refuse, note), self._source.sensor, self._burst
+        frames, sensor, burst = self._source.frames(stopped, refused, note), self._source.sensor, self._burst
         if burst:  # all frames may wait: none is dropped, and no more are read
             frames = islice(frames, burst)
         self._queue = queue = FrameQueue(frames, burst or _DEPTH, wait=self._wait, stopped=stopped)
-        outcomes = (
-            capture_burst(queue, burst, sensor, self._preview, self._shots)
-            if burst
-            else capture(queue, sensor, self._preview, self._shots)
-        )
-        for outcome in outcomes:
+        to = sensor, self._preview, self._shots
+        for outcome in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
             if isinstance(outcome, Saved):
                 yield outcome
             elif not (burst and stopped()):  # then the user has ended it

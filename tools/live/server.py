@@ -102,37 +102,34 @@ class _Handler(BaseHTTPRequestHandler):
         if path == "/stream.mjpg":
             self._stream()
         elif path == "/status":
-            self._answer(HTTPStatus.OK, self.server.finder.status())
+            self._answer(self.server.finder.status())
         elif path in _FILES:  # file names never come from the request
             name, kind = _FILES[path]
             self._send(HTTPStatus.OK, _page()[name], kind)
         else:
-            self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
+            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def do_POST(self) -> None:
         if not self._is_for_us():
             return
         origin = self.headers.get("Origin")
         if origin is not None and origin != f"http://{self.headers['Host']}":
-            self._answer(HTTPStatus.FORBIDDEN, {"error": "shots are taken from the camera's own page"})
+            self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
-            self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
+            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
         else:
-            self._capture()
-
-    def _capture(self) -> None:
-        try:
-            shot = self.server.finder.shoot()
-        except PanchromaError as error:
-            status = HTTPStatus.INSUFFICIENT_STORAGE if isinstance(error, OutputError) else HTTPStatus.CONFLICT
-            # Clients need not know where on this machine the shots are.
-            self._answer(status, {"error": str(error).replace(f"{self.server.finder.folder}{os.sep}", "")})
-        else:
-            self._answer(HTTPStatus.OK, {"file": shot.path.name, "write_ms": 1e3 * shot.write})
+            try:
+                shot = self.server.finder.shoot()
+            except PanchromaError as error:
+                status = HTTPStatus.INSUFFICIENT_STORAGE if isinstance(error, OutputError) else HTTPStatus.CONFLICT
+                # Clients need not know where on this machine the shots are.
+                self._refuse(status, str(error).replace(f"{self.server.finder.folder}{os.sep}", ""))
+            else:
+                self._answer({"file": shot.path.name, "write_ms": 1e3 * shot.write})
 
     def _stream(self) -> None:
         if not self.server.seats.acquire(blocking=False):
-            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"error": f"{_VIEWERS} people look through this camera already"})
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"{_VIEWERS} people look through this camera already")
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
@@ -155,10 +152,13 @@ class _Handler(BaseHTTPRequestHandler):
         """
         if _is_own(self.headers.get("Host", "")):
             return True
-        self._answer(HTTPStatus.MISDIRECTED_REQUEST, {"error": "ask for the camera by its address, or by its own name"})
+        self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "ask for the camera by its address, or by its own name")
         return False
 
-    def _answer(self, status: HTTPStatus, facts: dict[str, Any]) -> None:
+    def _refuse(self, status: HTTPStatus, reason: str) -> None:
+        self._answer({"error": reason}, status)
+
+    def _answer(self, facts: dict[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
         self._send(status, json.dumps(facts).encode(), "application/json")
 
     def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Lock
-from types import TracebackType
 
 from device.capture import PreviewMaker, Sensor
 from device.capture.frame_queue import FrameQueue
@@ -15,14 +15,12 @@ from device.preview.geometry import Geometry
 from shared import CfaPattern
 from shared.errors import InputError
 
-from .recorder import preview_maker
-from .source import FrameSource, Refused, Stopped
+from .source import FrameSource, Refused, Stopped, preview_maker
 from .viewfinder import Viewfinder
 
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 _IN_HAND = 2
 _POLL = 0.1  # seconds
-_STEPS = 3  # unpacking and balancing; the preview, on all cores; the JPEG
 
 
 class LiveView:
@@ -68,10 +66,11 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
     Raises the error that ends `frames`.
     """
     source, balance = iter(frames), SteadyWhite()
-    steps = tuple(Lock() for _ in range(_STEPS))
+    balancing, previewing, encoding = Lock(), Lock(), Lock()  # the preview is made on all cores, the others on one
 
     def show_next() -> bool:
-        with _Turn(steps) as turn:
+        with ExitStack() as held:
+            held.enter_context(balancing)
             frame = next(source, None)
             if frame is None:
                 return False
@@ -79,9 +78,9 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
                 mosaic = balance(sensor.mosaic(frame))
                 taken, arrived = frame.taken, frame.arrived
                 del frame  # its bytes; only the mosaic is needed now
-                turn.next()
+                _go_on(held, previewing)
                 picture = preview(mosaic)
-                turn.next()
+                _go_on(held, encoding)
                 finder.show(picture, mosaic, taken, arrived)
             except InputError as error:
                 refused(error)
@@ -100,22 +99,7 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
             each.result()  # raises the error
 
 
-class _Turn:
-    """Holds one step's lock after the other. The next is taken before the last is let go, so that no frame overtakes another."""
-
-    def __init__(self, steps: tuple[Lock, ...]) -> None:
-        self._steps = steps
-        self._at = 0
-
-    def next(self) -> None:
-        """Go on to the next step."""
-        self._steps[self._at + 1].acquire()
-        self._steps[self._at].release()
-        self._at += 1
-
-    def __enter__(self) -> "_Turn":
-        self._steps[0].acquire()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._steps[self._at].release()
+def _go_on(held: ExitStack, step: Lock) -> None:
+    """Take this step's lock before the last one's is let go, so that no frame overtakes another."""
+    with held.pop_all():
+        held.enter_context(step)

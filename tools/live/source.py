@@ -12,16 +12,20 @@ from dataclasses import dataclass, fields, replace
 from io import FileIO
 from itertools import chain, count, islice
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
-from device.capture import Sensor, identify
+from device import Preview
+from device.capture import PreviewMaker, Sensor, identify
 from device.capture.checks.frame_check import checked
 from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import Camera, CfaPattern, SensorCalibration
+from shared.arrays import ByteArray
 from shared.errors import InputError
 from tools.camera.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 
-from .genicam import GENICAM, GenicamCamera
+from .genicam import GENICAM, SETTINGS, GenicamCamera
 
 PIXEL_FORMATS = tuple(FORMATS)
 STREAM = "-"
@@ -108,6 +112,12 @@ class FrameSource:
         return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
 
 
+def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
+    """A camera's preview as a function, ready before the first frame arrives; for the arguments and errors see `Preview`."""
+    preview = Preview(sensor.pattern, scale, threads=threads)
+    return lambda mosaic: cast(ByteArray, preview.run(mosaic))
+
+
 def open_source(given: SourceOptions, described: Described) -> FrameSource:
     """Open the requested source of frames; where the first frames tell the pattern, wait for them.
 
@@ -126,7 +136,7 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
         given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
     if given.source.startswith(GENICAM):
         given.refuse(["width", "height", "stride"], "the camera says it")
-        plugged = GenicamCamera(given.source, given.pixel_format, exposure_time=given.exposure_time, gain=given.gain, fps=given.fps)
+        plugged = GenicamCamera(given.source, given.pixel_format, {name: getattr(given, name) for name in SETTINGS})
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
             raise InputError(f"{given.source}: the camera says where its filters are; leave `pattern`, `period` and `origin` out")
@@ -134,7 +144,7 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
         source = _source(given, plugged.layout, plugged.bits, opened, camera, pattern)
         sensor, notes = replace(source.sensor, metadata=plugged.metadata), (plugged.about, *source.notes)
         return replace(source, sensor=sensor, notes=notes, lost=plugged.lost, close=plugged.close)
-    given.refuse(["exposure_time", "gain", "fps"], "only a connected camera, genicam:ID, can be set")
+    given.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
     if given.source != STREAM and not Path(given.source).is_dir():
         raise InputError(f"{given.source}: is not a folder; SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS")
     camera, pattern = described(None)
@@ -145,20 +155,13 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
 
 def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]:
     """Standard input or a folder; and whether it waits."""
-    folder = Path(given.source)
-
-    def watched(stopped: Stopped, refused: Refused, _: Note) -> Iterator[RawFrame]:
-        return watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped)
-
-    def piped(*_: object) -> Iterator[RawFrame]:
-        return read_frames(standard_input(), layout)
-
     if given.source != STREAM:
-        return watched, True
+        folder = Path(given.source)
+        return lambda stopped, refused, _: watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped), True
     length = recording()
     if length is not None and not given.unchecked:
         layout.check_recording(length, ". If they are right, add `unchecked`")
-    return piped, length is not None
+    return lambda *_: read_frames(standard_input(), layout), length is not None
 
 
 def _source(
@@ -180,27 +183,17 @@ def _source(
 
 def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPattern, Opened]:
     """The pattern that the first frames show; and the same source, already open, with these frames again."""
-    users: list[tuple[Stopped, Refused, Note]] = []  # who goes on with the frames, which are opened before they are known
-    misfits: list[InputError] = []
+    seen, misfits = list[RawFrame](), list[InputError]()
+    user = SimpleNamespace(stopped=lambda: False, refused=misfits.append, note=lambda _: None)  # who goes on is not known yet
 
-    def refused(error: InputError) -> None:
-        if users:
-            users[0][1](error)
-        else:
-            misfits.append(error)
-
-    def noted(remark: str) -> None:
-        if users:
-            users[0][2](remark)
-
-    def reopened(stopped: Stopped, user: Refused, note: Note) -> Iterator[RawFrame]:
-        users.append((stopped, user, note))
+    def reopened(stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
+        user.__dict__.update(stopped=stopped, refused=refused, note=note)
         for error in misfits:
-            user(error)
+            refused(error)
         return chain((seen.pop(0) for _ in range(len(seen))), frames)
 
-    frames = opened(lambda: bool(users) and users[0][0](), refused, noted)
-    seen: list[RawFrame] = []
+    # Each is looked up when it is called.
+    frames = opened(lambda: user.stopped(), lambda error: user.refused(error), lambda remark: user.note(remark))  # noqa: PLW0108
     shown = ""
     for frame in islice(frames, _FIRST):
         seen.append(frame)
@@ -254,21 +247,16 @@ def _described(
                 raise InputError(f"`{said}` does not go with `camera`: the camera file says it")
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
-    calibration = SensorCalibration.of_bits(
-        given.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=usual_gamma(pattern)
-    )
+    bits, gamma = given.sensor_bits or bits, usual_gamma(pattern)
+    calibration = SensorCalibration.of_bits(bits, headroom=False, channels=pattern.channels, gamma=gamma)
     if given.black is not None:
-        calibration = _with_black(calibration, given.black)
+        most = calibration.white_level // 2
+        if not 0 <= given.black <= most:
+            raise InputError(f"`black` is {given.black}, expected a code from 0 to {most}, half of the range")
+        calibration = replace(calibration, black_level=(float(given.black),) * len(calibration.black_level))
     black, white = calibration.black_level[0], calibration.white_level
     assumed = f"black level {black:.0f} and white level {white} are" if given.black is None else f"white level {white} is"
     return Sensor(layout, pattern, calibration), (f"no `camera`: {assumed} assumed, and the white balance is estimated",)
-
-
-def _with_black(calibration: SensorCalibration, black: int) -> SensorCalibration:
-    """Return the calibration with this black level on all planes. Raises InputError that names the option."""
-    if not 0 <= black <= calibration.white_level // 2:
-        raise InputError(f"`black` is {black}, expected a code from 0 to {calibration.white_level // 2}, half of the range")
-    return replace(calibration, black_level=(float(black),) * len(calibration.black_level))
 
 
 def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
