@@ -21,29 +21,24 @@ from tools.rendering.burst_files import series, series_stem
 from tools.rendering.compilation import limit_threads
 from tools.rendering.run import passes
 
-from .options import add, numbers
+from .options import add, numbers, option
 from .picture_options import add_picture, add_run, order_fields
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma burst`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="the DNGs of one series, or a folder with them in it or below")
+    option(parser, "SHOT ...", "the DNGs of one series, or a folder with them in it or below", dest="shots")
     add(parser, "output", files="STEM.EXT")
-    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")
-    parser.add_argument(
-        "--shifts",
-        type=numbers(2, "2,-0.5"),
-        nargs="+",
-        default=[],
-        metavar="X,Y",
-        help="pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down; nothing is "
+    option(parser, "--reference SHOT", "the frame that the picture shows (default: the first of the sharpest)")
+    option(
+        parser,
+        "--shifts X,Y ...",
+        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down; nothing is "
         "aligned then, and the reference is the first shot by default",
+        type=numbers(2, "2,-0.5"),
     )
-    parser.add_argument(
-        "--report",
-        metavar="DIR",
-        help="folder for STEM.html: frames, motion, and the picture beside one shot's; created if missing",
-    )
+    report = "folder for STEM.html: frames, motion, and the picture beside one shot's; created if missing"
+    option(parser, "--report DIR", report)
     add_picture(parser, "best", "unlearned")
     add_run(parser)
     add(parser, "json", each="picture")

@@ -24,7 +24,7 @@ from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
 from tools.rendering.in_memory import filled_luminance
 
-from .options import add, numbers, text
+from .options import add, numbers, option, text
 
 if TYPE_CHECKING:
     from tools.calibration.measure import Conclusion
@@ -32,51 +32,36 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma calibrate`."""
-    parser.add_argument(
-        "shots", nargs="*", metavar="SHOT", help="DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below"
+    option(
+        parser, "SHOT ...", "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below", dest="shots", nargs="*"
     )
-    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="camera.json to write")
-    parser.add_argument(
-        "--dark", nargs="+", metavar="F", help="frames (or folders of them) with the lens covered: black level, read noise, defects"
+    option(parser, "-o --output FILE", "camera.json to write", required=True)
+    option(
+        parser, "--dark F ...", "frames (or folders of them) with the lens covered: black level, read noise, defects", default=()
     )
-    parser.add_argument(
-        "--flat",
-        nargs="+",
-        metavar="F",
-        help="evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise",
-    )
-    parser.add_argument(
-        "--edges",
-        nargs="+",
-        metavar="F",
-        help="shots with many sharp edges all over the frame (or folders of them), a chart or ordinary ones: lateral chromatic "
+    flat = "evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise"
+    option(parser, "--flat F ...", flat)
+    option(
+        parser,
+        "--edges F ...",
+        "shots with many sharp edges all over the frame (or folders of them), a chart or ordinary ones: lateral chromatic "
         "aberration",
     )
-    parser.add_argument(
-        "--chart-light",
-        nargs="+",
-        action="append",
-        metavar=("LIGHT", "F"),
-        help="twice, in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200), and shots of the chart under it "
+    option(
+        parser,
+        "--chart-light LIGHT F ...",
+        "twice, in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200), and shots of the chart under it "
         "(or folders of them); pictures under any light between the two then have the right colours",
+        action="append",
     )
-    parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
-    parser.add_argument(
-        "--corners",
-        nargs=4,
-        type=numbers(2, "12,34.5"),
-        metavar="X,Y",
-        help="outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white",
-    )
-    parser.add_argument("--chart", metavar="FILE", help="colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)")
-    parser.add_argument("--sensor", type=text, metavar="NAME", help="name of the sensor (default: the name in the shots)")
-    parser.add_argument("--report", metavar="DIR", help="folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
-    parser.add_argument(
-        "--update",
-        action="store_true",
-        help="replace only those parts of FILE that these frames measure; FILE.bak keeps the old file",
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old file")
+    option(parser, "--no-chart", "the shots are ordinary scenes: measure only gamma")
+    corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
+    option(parser, "--corners X,Y", corners, nargs=4, type=numbers(2, "12,34.5"))
+    option(parser, "--chart FILE", "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)")
+    option(parser, "--sensor NAME", "name of the sensor (default: the name in the shots)", type=text)
+    option(parser, "--report DIR", "folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
+    option(parser, "--update", "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file")
+    option(parser, "--overwrite", "replace FILE and the report; FILE.bak keeps the old file")
     add(parser, "json", each="shot, then one for the result,")
 
 
@@ -91,7 +76,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     lights = _lights(arguments)
-    files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or (), lights)
+    files, searches = sort_files(arguments.shots, arguments.dark, arguments.flat, arguments.edges, lights)
     for search in searches:
         search.report(console)
     if not any(files.values()):
@@ -111,13 +96,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error("no frame could be used, and no camera file was written")
         return FAILED
     if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
-        kind = "scene" if arguments.no_chart else "chart"
-        return _refused(
-            output,
-            f"gamma is not known, for no {kind} could be used, and no camera file was written; shoot it anew, or leave these shots "
-            "out to keep only what the other frames show",
-            console,
-        )
+        unknown = f"gamma is not known, for no {'scene' if arguments.no_chart else 'chart'} could be used"
+        advice = "shoot it anew, or leave these shots out to keep only what the other frames show"
+        return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
         check_same(output, old, seen.base)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
@@ -143,7 +124,7 @@ def color_checker_xyz() -> DoubleArray:
 
 def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
     """The shots of the chart under each of two lights; empty if there is one, which needs no name."""
-    given: list[list[str]] = arguments.chart_light or []
+    given: list[list[str]] = arguments.chart_light
     if not given:
         return {}
     names = [name.upper().removesuffix("K") for name, *_ in given]

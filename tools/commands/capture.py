@@ -22,16 +22,16 @@ from tools.live.recorder import Recorder
 from tools.live.source import FrameSource
 
 from .frame_options import add_source, source_of
-from .options import add, count
+from .options import add, count, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma capture`."""
     add_source(parser)
     add(parser, "output", files="the shots")
-    parser.add_argument("--frames", type=count, metavar="N", help="stop after N shots (default: when the stream ends)")
-    parser.add_argument("--burst", type=count, metavar="N", help="save one burst of N frames, all or none, and stop")
-    parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a piped recording")
+    option(parser, "--frames N", "stop after N shots (default: when the stream ends)", type=count)
+    option(parser, "--burst N", "save one burst of N frames, all or none, and stop", type=count)
+    option(parser, "--wait", "let the stream wait, drop nothing: for a piped recording")
     add(parser, "latest", "threads", of=" of the preview")
     add(parser, "json", each="frame")
 
@@ -45,23 +45,17 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     source = source_of(arguments)
     if arguments.burst:
         _check_memory(arguments.burst, source)
-    recorder = Recorder(
-        source,
-        output_folder(arguments.output),
-        arguments.latest,
-        burst=arguments.burst,
-        wait=arguments.wait,
-        threads=arguments.threads,
-    )
+    folder, how = output_folder(arguments.output), {name: getattr(arguments, name) for name in ("burst", "wait", "threads")}
+    recorder = Recorder(source, folder, arguments.latest, **how)
     for note in source.notes:
         console.note(note)
     saved = failed = 0
 
-    def refused(reason: str) -> None:
+    def refused(reason: object) -> None:
         nonlocal failed
         failed += 1
-        console.error(reason)
-        console.record(source=arguments.source, ok=False, error=reason)
+        console.error(str(reason))
+        console.record(source=arguments.source, ok=False, error=str(reason))
 
     with closing(source), Stopping() as stopping:
         try:
@@ -77,7 +71,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 if arguments.frames and not stopping():
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
-            refused(str(error))
+            refused(error)
         incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)

@@ -104,14 +104,13 @@ _OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "
 def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
     installed = {name: found for name in _OPENCV if (found := package_version(name))}
-    said = " and ".join(f"{name} {found}" for name, found in installed.items())
-    remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: evaluate (the rival ea)", ALL)
-    elif len(installed) > 1:
-        yield Finding("OpenCV", BAD, f"{said} overwrite each other", remedy)
-    else:
-        yield Finding("OpenCV", GOOD, said)
+        return
+    said = " and ".join(f"{name} {found}" for name, found in installed.items())
+    remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
+    alone = len(installed) == 1
+    yield _judged("OpenCV", alone, said if alone else f"{said} overwrite each other", remedy)
 
 
 def _preview() -> Iterator[Finding]:
@@ -134,30 +133,24 @@ def _preview() -> Iterator[Finding]:
 
 
 def _kernels() -> Iterator[Finding]:
-    remedy = f"{CACHE_REMEDY}: without it every run compiles again, for a minute"
+    wrong = ""
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            pass
+            compiled = len(list(folder.glob("*.nbc")))
     except ModuleNotFoundError:  # reported with the packages
         return
     except RuntimeError:
-        yield Finding("kernel cache", BAD, "there is no folder that can be written to", remedy)
+        wrong = "there is no folder that can be written to"
     except OSError as error:
-        yield Finding("kernel cache", BAD, f"{folder}: {error.strerror or error}", remedy)
-    else:
-        compiled = len(list(folder.glob("*.nbc")))
-        later = "" if compiled else ": the first render does it"
-        yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled{later}")
+        wrong = f"{folder}: {error.strerror or error}"
+    found = wrong or f"{folder}, {compiled} compiled{'' if compiled else ': the first render does it'}"
+    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for a minute")
 
 
-def _threads() -> Iterator[Finding]:
-    usable = processors()
-    yield Finding("processors", GOOD, f"{usable} of {os.cpu_count() or 1} may be used")
-
-
-def _memory() -> Iterator[Finding]:
+def _machine() -> Iterator[Finding]:
+    yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
     free = available_memory()
     remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB"
     yield _judged("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
@@ -179,13 +172,4 @@ def _writing() -> Iterator[Finding]:
         yield _judged("writing", kept, f"durable in {place}", "the file system does not keep what is written; use another")
 
 
-CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (
-    _program,
-    _packages,
-    _opencv,
-    _preview,
-    _kernels,
-    _threads,
-    _memory,
-    _writing,
-)
+CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (_program, _packages, _opencv, _preview, _kernels, _machine, _writing)

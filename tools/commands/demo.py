@@ -38,7 +38,7 @@ from tools.rendering.in_memory import merged_picture, renderings
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
 
-from .options import add, count, factor
+from .options import add, count, factor, option
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -59,16 +59,10 @@ _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seed
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma demo`."""
-    parser.add_argument("-o", "--output", metavar="DIR", help=f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)")
-    parser.add_argument("--sigma", type=factor, default=0.01, help="standard deviation of the noise, scene units")
-    parser.add_argument(
-        "--burst",
-        type=count,
-        nargs="?",
-        const=_FRAMES,
-        metavar="N",
-        help=f"merge a hand-held series of N frames (without N: {_FRAMES})",
-    )
+    option(parser, "-o --output DIR", f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)")
+    option(parser, "--sigma SIGMA", "standard deviation of the noise, scene units", type=factor, default=0.01)
+    frames = f"merge a hand-held series of N frames (without N: {_FRAMES})"
+    option(parser, "--burst N", frames, type=count, nargs="?", const=_FRAMES)
     add(parser, "overwrite")
 
 

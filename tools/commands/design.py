@@ -20,7 +20,7 @@ from tools.host.jobs import output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.versions import program_version
 
-from .options import add, amount, count, factor, natural
+from .options import add, amount, count, factor, natural, option
 
 if TYPE_CHECKING:
     from tools.evaluation.design.judge import Light
@@ -31,44 +31,36 @@ if TYPE_CHECKING:
 _PAGE, _STATE = "design.html", "judged.json"
 _DOUBT = "Renders make less of scattered sites than the fast judge expects: let photographs decide (--photographs)."
 _SIGMAS = (0.0, 0.01, 0.03)
-_WEIGHTS = {"luminance": 0.0, "colour": 0.0, "worst": 1.0, "whole": 1.0}
+_WEIGHTS = {
+    "luminance": (0.0, "luminance of whole pictures"),
+    "colour": (0.0, "colour of whole pictures"),
+    "worst": (1.0, "colour where it is finest"),
+    "whole": (1.0, "all channels of whole pictures"),
+}
+"""What matters: its usual weight, and what it is."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma design`."""
     add(parser, "output", files="the results")
     light = parser.add_argument_group("light, one or more; all tiles have the same exposure")
-    light.add_argument("--sigma", type=factor, nargs="+", metavar="S", help="additive noise, scene units (default: 0 0.01 0.03)")
-    light.add_argument(
-        "--photons", type=factor, nargs="+", metavar="N", help="instead: photons that W counts in white at full exposure"
-    )
-    light.add_argument("--read-noise", type=amount, default=3.0, metavar="E", help="beside the photons' noise, electrons")
+    option(light, "--sigma S ...", "additive noise, scene units (default: 0 0.01 0.03)", type=factor)
+    option(light, "--photons N ...", "instead: photons that W counts in white at full exposure", type=factor)
+    option(light, "--read-noise E", "beside the photons' noise, electrons", type=amount, default=3.0)
     what = parser.add_argument_group("what matters: weights")
-    named = {
-        "luminance": "luminance of whole pictures",
-        "colour": "colour of whole pictures",
-        "worst": "colour where it is finest",
-        "whole": "all channels of whole pictures",
-    }
-    for name, usual in _WEIGHTS.items():
-        what.add_argument(f"--{name}", type=amount, default=usual, metavar="WEIGHT", help=named[name])
+    for name, (usual, weighted) in _WEIGHTS.items():
+        option(what, f"--{name} WEIGHT", weighted, type=amount, default=usual)
     limits = parser.add_argument_group("limits")
-    limits.add_argument("--channels", default="RGB", metavar="LETTERS", help="colour filters, each of which a tile has")
-    limits.add_argument(
-        "--sizes", type=int, nargs="+", default=[3, 4, 5, 6], metavar="K", help=f"pixels, {PERIODS[0]} to {PERIODS[-1]}"
-    )
-    limits.add_argument(
-        "--share", type=factor, nargs=2, default=[0.5, 1.0], metavar=("LEAST", "MOST"), help="of panchromatic pixels"
-    )
-    limits.add_argument(
-        "--sites", default="", metavar="ROWS", help="where filters can be, as XW/WW: W marks places without (default: anywhere)"
-    )
+    option(limits, "--channels LETTERS", "colour filters, each of which a tile has", default="RGB")
+    option(limits, "--sizes K ...", f"pixels, {PERIODS[0]} to {PERIODS[-1]}", type=int, default=[3, 4, 5, 6])
+    option(limits, "--share LEAST MOST", "of panchromatic pixels", type=factor, default=[0.5, 1.0])
+    option(limits, "--sites ROWS", "where filters can be, as XW/WW: W marks places without (default: anywhere)", default="")
     search = parser.add_argument_group("the search")
-    search.add_argument("--steps", type=natural, default=400, metavar="N", help="of annealing, for each size")
-    search.add_argument("--seed", type=natural, default=0, metavar="N", help="of annealing, and of the photographs' noise")
+    option(search, "--steps N", "of annealing, for each size", type=natural, default=400)
+    option(search, "--seed N", "of annealing, and of the photographs' noise", type=natural, default=0)
     slow = parser.add_argument_group("the slow judge")
-    slow.add_argument("--photographs", nargs="+", metavar="SCENE", help="photographs, or folders of them, to render")
-    slow.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each")
+    option(slow, "--photographs SCENE ...", "photographs, or folders of them, to render")
+    option(slow, "--crop PIXELS", "use only the middle of each", type=count)
     add(slow, "workers", "max-memory", things="processes", usual="one per core, as memory allows")
     add(parser, "overwrite")
     add(parser, "json", each="tile")

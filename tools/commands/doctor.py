@@ -12,15 +12,15 @@ from tools.host.jobs import FAILED
 from tools.rendering.compilation import CACHE_REMEDY, compile_all, to_compile
 
 from .checks import ALL, BAD, CHECKS, GOOD, MISSING, Finding
-from .options import add
+from .options import add, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma doctor`."""
-    parser.add_argument(
+    option(
+        parser,
         "--compile",
-        action="store_true",
-        help="first compile all of the renderer that is not compiled yet; what is compiled serves this version of Panchroma on "
+        "first compile all of the renderer that is not compiled yet; what is compiled serves this version of Panchroma on "
         "processors of this model, wherever it finds the same cache folder (the line 'kernel cache' names it)",
     )
     add(parser, "json", each="check")

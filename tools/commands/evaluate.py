@@ -24,7 +24,7 @@ from tools.host.memory import allowed_memory
 from tools.host.versions import program_version
 from tools.host.work import duration
 
-from .options import add, add_protocol, count, protocol_of, uses_scheduler
+from .options import add, add_protocol, count, option, protocol_of, uses_scheduler
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -36,50 +36,31 @@ _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma evaluate`."""
-    parser.add_argument(
-        "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder with them in it or below"
-    )
+    scenes = "camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder with them in it or below"
+    option(parser, "SCENE ...", scenes, dest="scenes")
     add(parser, "output", files="the results")
     light = parser.add_argument_group("light and noise")
     add_protocol(light, nargs="+")
     add(light, "seed", "linear")
     what = parser.add_argument_group("what is compared")
-    what.add_argument(
-        "--period",
-        type=int,
-        nargs="+",
-        metavar="K",
-        help="period of the paper's pattern; with several values the periods are compared (default: 6, unless there is --pattern)",
-    )
-    what.add_argument(
-        "--pattern",
-        nargs="+",
-        metavar="LETTERS",
-        help="other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, its name "
+    periods = "period of the paper's pattern; with several values the periods are compared (default: 6, unless there is --pattern)"
+    option(what, "--period K ...", periods, type=int)
+    option(
+        what,
+        "--pattern LETTERS ...",
+        "other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, its name "
         f"({', '.join(map(str.casefold, TILES))}), or a file; C, M and Y are made of red, green and blue",
     )
-    what.add_argument(
-        "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"
-    )
-    what.add_argument(
-        "--rival",
-        nargs="+",
-        default=[],
-        metavar="FILE.onnx",
-        help="compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed",
-    )
-    what.add_argument(
-        "--show",
-        nargs="+",
-        default=[],
-        metavar="NAME=SCENE:ROW,COLUMN",
-        help="show this square of a photograph in the gallery, under this name",
-    )
-    what.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
+    option(what, "--methods NAME ...", "methods to compare (default: all installed; an unknown name lists them)")
+    rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed"
+    option(what, "--rival FILE.onnx ...", rivals)
+    shown = "show this square of a photograph in the gallery, under this name"
+    option(what, "--show NAME=SCENE:ROW,COLUMN ...", shown)
+    option(what, "--crop PIXELS", "use only the middle of each scene, for a quick look", type=count)
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
     add(run_, "scheduler", "scheduler-file", "max-memory", "overwrite", "dry-run")
-    run_.add_argument("--no-page", dest="page", action="store_false", help="write only the figures")
+    option(run_, "--no-page", "write only the figures")
     add(parser, "json", each="scene")
 
 
@@ -93,7 +74,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.evaluation.team import Team
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.page or name != _PAGE]
+    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
         refuse_existing(outputs)
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
@@ -125,7 +106,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     program = f"panchroma {program_version()}"
     write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
-    if arguments.page:
+    if not arguments.no_page:
         page = build_page(figures, render_gallery(figures, team, named), program, [*failures, *left_out])
         write_durably(folder / _PAGE, page, overwrite=arguments.overwrite)
     console.say(*plain_text(figures).split("\n"))
@@ -145,15 +126,14 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     levels = protocol.levels(wanted)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
-    rivals = map(absolute_path, arguments.rival) if uses_scheduler(arguments) else arguments.rival
-    methods = choose([*(arguments.methods or default_names()), *rivals])
+    place = absolute_path if uses_scheduler(arguments) else str
+    methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     tiles = _tiles(arguments)
     channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
-    sources = [absolute_path(each) for each in arguments.scenes] if uses_scheduler(arguments) else arguments.scenes
-    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
+    scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
     study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, arguments.seed, reading)
     made, without = study.remarks()
     for remark in (*made, *without):
@@ -165,7 +145,7 @@ def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
     """The patterns that --period and --pattern name together; K = 6 if neither is there."""
     from tools.evaluation.tiles import Tile, chosen_tiles
 
-    others = [Tile.named(read_pattern(text), text) for text in arguments.pattern or ()]
+    others = [Tile.named(read_pattern(text), text) for text in arguments.pattern]
     periods = arguments.period or ([] if others else [6])
     for period in periods:
         if period not in PERIODS:
@@ -187,7 +167,6 @@ def _list(todo: "list[Task]", there: int, failures: list[str], console: Console)
         for cell in task.cells:
             facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
             console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
-    seconds = sum(task.seconds for task in todo)
-    results = sum(len(task.cells) for task in todo)
-    console.say(f"{results} results to make, {there} kept from an earlier run; roughly {duration(seconds)} of one core")
+    results, took = sum(len(task.cells) for task in todo), duration(sum(task.seconds for task in todo))
+    console.say(f"{results} results to make, {there} kept from an earlier run; roughly {took} of one core")
     return FAILED if failures else 0

@@ -12,19 +12,18 @@ from shared.writing import write_durably
 from tools.host.console import Console
 from tools.pictures.previews import preview_graph
 
-from .options import add, names_pattern, pattern_of
+from .options import add, names_pattern, option, pattern_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma export-preview`."""
-    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="ends in .onnx")
+    option(parser, "-o --output FILE", "ends in .onnx", required=True)
     pattern = parser.add_argument_group("the pattern")
     add(pattern, "pattern", "period")
-    pattern.add_argument("--like", metavar="SHOT", help="use the pattern of this shot")
+    option(pattern, "--like SHOT", "use the pattern of this shot")
     add(parser, "scale", default=1)
-    parser.add_argument(
-        "--space", choices=("srgb", "camera"), default="srgb", help="srgb: a picture for a screen; camera: camera RGB, scene units"
-    )
+    spaces = "srgb: a picture for a screen; camera: camera RGB, scene units"
+    option(parser, "--space", spaces, choices=("srgb", "camera"), default="srgb")
     add(parser, "overwrite")
 
 

@@ -11,7 +11,7 @@ from tools.host.signals import starting_service
 from tools.live.genicam import GENICAM, connected
 from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
-from .options import add, amount, camera_of, factor
+from .options import add, amount, camera_of, factor, option
 
 AUTO = "auto"
 LAYOUT = ("width", "height", "pixel_format", "stride")
@@ -30,56 +30,43 @@ class _Source(argparse.Action):
 
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE and the options that describe its frames and its sensor."""
-    parser.add_argument(
-        "source",
-        action=_Source,
-        metavar="SOURCE",
-        help="- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; genicam: lists them), or "
-        "builtin:WIDTHxHEIGHT@FPS",
+    sources = (
+        "- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; genicam: lists them), or "
+        "builtin:WIDTHxHEIGHT@FPS"
     )
+    option(parser, "SOURCE", sources, dest="source", action=_Source)
     frames = add_layout(parser, "the frames of a stream or folder (rpicam-raw prints all this when it starts)")
     add(frames, "sensor-bits", usual="those of the pixel format")
-    frames.add_argument(
-        "--black",
-        type=int,
-        metavar="N",
-        help="black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
+    option(
+        frames,
+        "--black N",
+        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
         "`calibrate --dark` measures it",
+        type=int,
     )
-    frames.add_argument(
-        "--covered",
-        action="store_true",
-        help="the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied",
-    )
-    frames.add_argument(
-        "--unchecked",
-        action="store_true",
-        help="do not compare the first frames with these options; without it, frames that prove one of them wrong are refused",
-    )
-    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
+    covered = "the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied"
+    option(frames, "--covered", covered)
+    unchecked = "do not compare the first frames with these options; without it, frames that prove one of them wrong are refused"
+    option(frames, "--unchecked", unchecked)
+    option(frames, "--new", "skip frames that are in the folder already")
     more = f"; or {AUTO}: the first frame tells it, for tiles with a name"
     add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin", more=more)
     settings = parser.add_argument_group(
         "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
     )
-    settings.add_argument("--exposure-time", type=factor, metavar="SECONDS", help="such as 1/100 or 0.01 (default: as it is set)")
-    settings.add_argument("--gain", type=float, metavar="N", help="in the camera's unit, mostly dB (default: as it is set)")
-    settings.add_argument("--fps", type=amount, metavar="N", help="frames a second (default: as it is set)")
+    option(settings, "--exposure-time SECONDS", "such as 1/100 or 0.01 (default: as it is set)", type=factor)
+    option(settings, "--gain N", "in the camera's unit, mostly dB (default: as it is set)", type=float)
+    option(settings, "--fps N", "frames a second (default: as it is set)", type=amount)
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
     """Add the options that `layout_of` reads, in a group with this title, which is returned."""
     frames = parser.add_argument_group(title)
-    frames.add_argument("--width", type=int, metavar="PIXELS", help="width of a frame")
-    frames.add_argument("--height", type=int, metavar="PIXELS", help="height of a frame")
-    frames.add_argument(
-        "--pixel-format",
-        metavar="NAME",
-        help=f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ...",
-    )
-    frames.add_argument(
-        "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"
-    )
+    option(frames, "--width PIXELS", "width of a frame", type=int)
+    option(frames, "--height PIXELS", "height of a frame", type=int)
+    formats = f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
+    option(frames, "--pixel-format NAME", formats)
+    option(frames, "--stride BYTES", "bytes from one line to the next (default: no padding)", type=int, default=0)
     return frames
 
 

@@ -27,14 +27,12 @@ from tools.scenes.camera_raw import NO_RAW
 from tools.scenes.load import sensor_samples
 
 from .frame_options import LAYOUT, add_layout
-from .options import add
-
-_COLUMN = 14  # characters for the name of a row
+from .options import add, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma identify`."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream")
+    option(parser, "FILE ...", "a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream", dest="files")
     add_layout(parser, "files without a header (rpicam-raw prints all this when it starts)")
     add(parser, "output", files="NAME-tile.png: how bright each site of the tile is, and its letter", required=False)
     add(parser, "max-pixels", "overwrite")
@@ -43,7 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
-    folder = output_folder(arguments.output) if arguments.output is not None else None
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         given = SourceOptions(job.source, **{name: getattr(arguments, name) for name in LAYOUT})
@@ -54,17 +51,17 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             facts = facts_of(codes)
         except InputError as error:
             raise InputError(f"{error}{hint and '; '}{hint}") from None
-        lines = [job.source, *(f"  {name:<{_COLUMN}}{value}" for name, value in _rows(facts, hint))]
+        rows = _rows(facts, hint)
         if job.outputs:
             write_durably(job.output, tile_map(facts["letters"], np.array(facts["light"])), overwrite=arguments.overwrite)
             facts["output"] = str(job.output)
-            lines.append(f"  {'picture':<{_COLUMN}}{job.output}")
-        return Outcome(facts, tuple(lines))
+            rows.append(("picture", facts["output"]))
+        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)))
 
-    if folder is None:
-        jobs = [Job(name) for name in arguments.files]
-    else:
-        jobs = plan([Source(name) for name in arguments.files], lambda name: [f"{Path(name).stem}-tile.png"], folder)
+    jobs = [Job(name) for name in arguments.files]
+    if arguments.output is not None:
+        found, folder = [Source(name) for name in arguments.files], output_folder(arguments.output)
+        jobs = plan(found, lambda name: [f"{Path(name).stem}-tile.png"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
 
 
@@ -95,19 +92,15 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
         rows.append(("colours", f"differ {min(facts['separation'], 1000):.0f} times more than sites of one colour do"))
     if len({*facts["letters"]}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
+    unknown = ""
     if facts["open"]:
-        open_facts = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
-        rows.append(("not known", f"{open_facts}: take a picture with more colour or light"))
+        unknown = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        unknown += ": take a picture with more colour or light"
     elif facts["name"] == "Bayer":
-        rows.append(
-            (
-                "not known",
-                "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow",
-            )
-        )
+        unknown = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
     elif facts["exchangeable"]:
-        rows.append(("not known", "which of the colours with equally many sites is which: a picture of something red shows it"))
-    return rows + _next_rows(facts)
+        unknown = "which of the colours with equally many sites is which: a picture of something red shows it"
+    return [*rows, *([("not known", unknown)] if unknown else []), *_next_rows(facts)]
 
 
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
+from shared import Aberration, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
 from shared.networks import network_for
@@ -24,7 +24,7 @@ from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
 from tools.host.progress import StageProgress
 from tools.host.work import Threads
 
-from .options import add, add_shots
+from .options import add, add_shots, option
 
 _COLUMN = 14  # characters for the name of a row
 
@@ -32,7 +32,7 @@ _COLUMN = 14  # characters for the name of a row
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma inspect`."""
     add_shots(parser, "a camera.json, ")
-    parser.add_argument("--verify", action="store_true", help="only count the undamaged files and name the damaged ones")
+    option(parser, "--verify", "only count the undamaged files and name the damaged ones")
     add(parser, "workers", "max-pixels", things="--verify: files", usual="one per core")
     add(parser, "json", each="file")
 
@@ -43,48 +43,43 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     searched = found.report(console)
     if arguments.verify:
         code = _verify([source.name for source in found.sources], arguments, console)
-        return code if searched else FAILED
-
-    def work(job: Job, listener: StageProgress) -> Outcome:
-        if Path(job.source).suffix.lower() == ".json":
-            return _camera(job.source)
-        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
-        facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": "shot"}
-        return Outcome(facts, (job.source, *_table(facts)))
-
-    code = run_jobs([Job(source.name, found=source.found) for source in found.sources], work, console)
+    else:
+        jobs = [Job(source.name, found=source.found) for source in found.sources]
+        code = run_jobs(jobs, lambda job, _: _shown(job.source, arguments.max_pixels), console)
     return code if searched else FAILED
+
+
+def _shown(source: str, max_pixels: int) -> Outcome:
+    """What is in a shot or a camera file."""
+    if Path(source).suffix.lower() == ".json":
+        return _camera(source)
+    mosaic = read_dng(source, max_pixels=max_pixels)
+    facts = _facts(mosaic, len(read_preview(source))) | {"digest": "shot"}
+    return Outcome(facts, (source, *_table(facts)))
 
 
 def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
-    found: dict[str, str] = {}
+    wrong: dict[str, bool] = {}  # file -> whether it can be read, and so is damaged
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         try:
-            facts = _verified(job.source, arguments.max_pixels)
+            if job.source.lower().endswith(".json"):
+                return Outcome({"calibration_id": read_camera(job.source).calibration.id})
+            rows, columns = verify_dng(job.source, max_pixels=arguments.max_pixels)
+            return Outcome({"width": columns, "height": rows, "digest": "shot"})
         except Exception:
-            found[job.source] = "damaged" if _is_readable(job.source) else "unread"
+            wrong[job.source] = _is_readable(job.source)
             raise
-        found[job.source] = "whole"
-        return Outcome(facts)
 
     files = list(dict.fromkeys(sources))  # one that is named twice is checked once
     threads = Threads(arguments.workers or processors(), console.note)
     with console.progress("verify") as progress:
         code = run_jobs([Job(file) for file in files], work, console, workers=threads, progress=progress)
-    damaged, unread = ([file for file in files if found[file] == wrong] for wrong in ("damaged", "unread"))
-    count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
+    damaged, unread = ([file for file in files if wrong.get(file) is readable] for readable in (True, False))
+    count = f"{len(files) - len(wrong)} whole, {len(damaged)} damaged"
     console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
     return code
-
-
-def _verified(file: str, max_pixels: int) -> dict[str, Any]:
-    """Facts about an undamaged file. Raises InputError for any other."""
-    if file.lower().endswith(".json"):
-        return {"calibration_id": read_camera(file).calibration.id}
-    rows, columns = verify_dng(file, max_pixels=max_pixels)
-    return {"width": columns, "height": rows, "digest": "shot"}
 
 
 def _is_readable(file: str) -> bool:
@@ -97,54 +92,49 @@ def _camera(source: str) -> Outcome:
     """What is in a camera file."""
     camera = read_camera(source)
     calibration, pattern = camera.calibration, camera.pattern
-    document = calibration.to_json()
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
-        "pattern": _pattern(pattern) if pattern else "unknown",
-        **_calibration(document),
+        "pattern": "unknown",
+        **_calibration(calibration.to_json()),
         "defects": f"{len(calibration.defects)} pixels",
     }
     rows["levels"] += f" ({calibration.bits} bits)"
+    if pattern:
+        name = f"{pattern.name}, " if pattern.name else ""
+        rows["pattern"] = f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
     for part, how in camera.measured.items():
-        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items())
+        said = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in how.items()}
+        rows[f"{part}:"] = ", ".join(f"{name} {value}" for name, value in said.items())
     lines = (f"  {name:<13}{value}" for name, value in rows.items())
     return Outcome({"camera": camera.to_json(), "calibration_id": calibration.id}, (source, *lines))
 
 
-def _pattern(pattern: CfaPattern) -> str:
-    name = f"{pattern.name}, " if pattern.name else ""
-    return f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
-
-
-def _text(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
-    clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    pattern, calibration = mosaic.pattern, mosaic.calibration
+    clear = pattern.panchromatic_mask(mosaic.shape)
     panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
-    taken, network = mosaic.metadata.taken, network_for(mosaic.pattern)
+    metadata, network = mosaic.metadata, network_for(pattern)
     return {
         "width": mosaic.shape[1],
         "height": mosaic.shape[0],
         "pattern": {
-            "name": mosaic.pattern.name or None,
-            "period": mosaic.pattern.period,
-            "channels": mosaic.pattern.channels,
-            "letters": mosaic.pattern.letters_from(),
+            "name": pattern.name or None,
+            "period": pattern.period,
+            "channels": pattern.channels,
+            "letters": pattern.letters_from(),
             "light_efficiency": round(_light(mosaic), 3),
         },
         "learned": network.stem if network else None,
-        "bits": mosaic.calibration.bits,
+        "bits": calibration.bits,
         "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
-        "saturated": float((read >= mosaic.calibration.full_scale).mean()),
-        "calibration": mosaic.calibration.to_json(),
-        "calibration_id": mosaic.calibration.id,
+        "saturated": float((read >= calibration.full_scale).mean()),
+        "calibration": calibration.to_json(),
+        "calibration_id": calibration.id,
         "metadata": {
-            **asdict(replace(mosaic.metadata, more=())),
-            "taken": taken.isoformat() if taken else None,
-            "place": place(mosaic.metadata),
-            "more": shown_fields(mosaic.metadata),
+            **asdict(replace(metadata, more=())),
+            "taken": metadata.taken.isoformat() if metadata.taken else None,
+            "place": place(metadata),
+            "more": shown_fields(metadata),
         },
         "preview_bytes": preview_bytes,
     }
@@ -163,6 +153,7 @@ def _table(facts: dict[str, Any]) -> list[str]:
     """The facts as the lines of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     name = f"{pattern['name']}, " if pattern["name"] else ""
+    camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
     rows = [
         ("size", f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"),
         ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
@@ -170,11 +161,7 @@ def _table(facts: dict[str, Any]) -> list[str]:
         ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
         ("luminance", f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"),
         *_calibration(calibration).items(),
-        (
-            "sensor",
-            f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}"
-            + (f", from camera file {calibration['camera']}" if calibration["camera"] else ""),
-        ),
+        ("sensor", f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"),
         ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),
         *_capture(facts["metadata"]).items(),
     ]
@@ -184,21 +171,15 @@ def _table(facts: dict[str, Any]) -> list[str]:
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
     """Rows that shots and camera files share."""
     lights = document.get("lights", ())
-    return {
+    estimated = ", estimated from the picture" if document.get("neutral_estimated") else ""
+    rows = {
         "levels": f"black {_row(document['black_level'])}, white {document['white_level']}",
         "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
         "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
         **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_row(each['neutral'])}" for each in lights},
-        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
-        + (", estimated from the picture" if document.get("neutral_estimated") else ""),
-        **_lens(document),
+        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown") + estimated,
     }
-
-
-def _lens(document: dict[str, Any]) -> dict[str, str]:
-    """Rows of what is known of the lens."""
-    rows: dict[str, str] = {}
     if "shading" in document:
         rows["shading"] = f"{Shading.from_json(document['shading']).words}; undone"
     if "aberration" in document:

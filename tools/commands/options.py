@@ -26,38 +26,27 @@ _NAMES = ", ".join(map(str.casefold, TILES))
 # --- values ---------------------------------------------------------------------------------------------------------------------
 
 
-def value(convert: Callable[[str], T], expected: str) -> Callable[[str], T]:
-    """The type of an option: what `convert` makes of its text, or a usage error, if it raises, that says what was expected."""
+def value(convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] = lambda _: True) -> Callable[[str], T]:
+    """The type of an option: what `convert` makes of its text, or a usage error that says what was expected.
+
+    It is one if `convert` raises, and for what does not fit.
+    """
 
     def typed(text: str) -> T:
         try:
-            return convert(text)
+            if fits(found := convert(text)):
+                return found
         except (ValueError, ZeroDivisionError):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {expected}") from None
+            pass
+        raise argparse.ArgumentTypeError(f"{text!r} is not {expected}")
 
     return typed
 
 
 def numbers(count: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
     """The type of an option that takes numbers with commas between them, `count` of them or any number."""
-
-    def convert(text: str) -> tuple[float, ...]:
-        found = tuple(map(float, text.split(",")))
-        if count not in (None, len(found)):
-            raise ValueError
-        return found
-
-    return value(convert, f"{count or 'a list of'} numbers with commas between them, such as {example}")
-
-
-def _whole(least: int) -> Callable[[str], int]:
-    def convert(text: str) -> int:
-        number = int(text)
-        if number < least:
-            raise ValueError
-        return number
-
-    return value(convert, f"a whole number from {least} on")
+    expected = f"{count or 'a list of'} numbers with commas between them, such as {example}"
+    return value(lambda text: tuple(map(float, text.split(","))), expected, lambda found: count in (None, len(found)))
 
 
 def _factor(text: str) -> float:
@@ -65,16 +54,9 @@ def _factor(text: str) -> float:
     return float(number) / float(divisor if slash else 1)
 
 
-def _amount(text: str) -> float:
-    number = float(text)
-    if not 0 <= number < float("inf"):
-        raise ValueError
-    return number
-
-
-count = _whole(1)
-natural = _whole(0)
-amount = value(_amount, "a number from 0 on")
+count = value(int, "a whole number from 1 on", lambda number: number >= 1)
+natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
+amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_factor, "a number, or a fraction such as 1/4")
 
 
@@ -85,51 +67,70 @@ def text(argument: str) -> str:
 
 # --- the table ------------------------------------------------------------------------------------------------------------------
 
-_SHORT = {"output": "-o", "format": "-f", "threads": "-j"}
-_SWITCH = {"action": "store_true"}
-_SHARED: dict[str, dict[str, Any]] = {
-    "output": {"metavar": "DIR", "required": True, "help": "folder for {files}, created if missing"},
-    "overwrite": {**_SWITCH, "help": "replace results that exist already"},
-    "dry-run": {**_SWITCH, "help": "write nothing, only say what would be done"},
-    "json": {**_SWITCH, "help": "print one JSON object per {each} to stdout"},
+_SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "output": ("-o --output DIR", "folder for {files}, created if missing", {"required": True}),
+    "overwrite": ("--overwrite", "replace results that exist already", {}),
+    "dry-run": ("--dry-run", "write nothing, only say what would be done", {}),
+    "json": ("--json", "print one JSON object per {each} to stdout", {}),
     # What is read.
-    "camera": {"metavar": "FILE", "help": "camera.json: the calibration of the sensor{instead}"},
-    "pattern": {
-        "metavar": "LETTERS",
-        "help": "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
+    "camera": ("--camera FILE", "camera.json: the calibration of the sensor{instead}", {}),
+    "pattern": (
+        "--pattern LETTERS",
+        "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
         f"{_NAMES}; or a file with them, one row on each line{{more}}",
-    },
-    "period": {
-        "type": int,
-        "metavar": "K",
-        "help": f"of the paper's pattern: pixels from block to block, {PERIODS[0]} to {PERIODS[-1]} (default: {_PERIOD})",
-    },
-    "origin": {"type": int, "nargs": 2, "metavar": ("ROW", "COLUMN"), "help": "position of the first block (default: 0 0)"},
-    "sensor-bits": {
-        "type": int,
-        "metavar": "N",
-        "help": f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]} (default: {{usual}}, or the camera's)",
-    },
-    "linear": {**_SWITCH, "help": "take the pictures' values as linear light, whatever the files say"},
-    "max-pixels": {"type": count, "default": MAX_PIXELS, "metavar": "N", "help": "refuse a file with more pixels than this"},
+        {},
+    ),
+    "period": (
+        "--period K",
+        f"of the paper's pattern: pixels from block to block, {PERIODS[0]} to {PERIODS[-1]} (default: {_PERIOD})",
+        {"type": int},
+    ),
+    "origin": ("--origin ROW COLUMN", "position of the first block (default: 0 0)", {"type": int}),
+    "sensor-bits": (
+        "--sensor-bits N",
+        f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]} (default: {{usual}}, or the camera's)",
+        {"type": int},
+    ),
+    "linear": ("--linear", "take the pictures' values as linear light, whatever the files say", {}),
+    "max-pixels": ("--max-pixels N", "refuse a file with more pixels than this", {"type": count, "default": MAX_PIXELS}),
     # Noise of a simulated camera: see `add_protocol`.
-    "seed": {"type": natural, "default": 0, "metavar": "N", "help": "seed of the noise"},
+    "seed": ("--seed N", "seed of the noise", {"type": natural, "default": 0}),
     # What is made.
-    "quality": {"type": int, "metavar": "N", "help": "quality of a JPEG, 1 (small) to 100 (default: 95){more}"},
-    "scale": {"type": int, "metavar": "N", "help": "sensor pixels per picture pixel, in each direction; must divide the period"},
-    "latest": {"type": Path, "metavar": "LINK", "help": "keep a symbolic link with this name to the latest shot"},
+    "quality": ("--quality N", "quality of a JPEG, 1 (small) to 100 (default: 95){more}", {"type": int}),
+    "scale": ("--scale N", "sensor pixels per picture pixel, in each direction; must divide the period", {"type": int}),
+    "latest": ("--latest LINK", "keep a symbolic link with this name to the latest shot", {"type": Path}),
     # How it is made.
-    "threads": {"type": count, "metavar": "N", "help": "threads{of} (default: one per core)"},
-    "workers": {"type": count, "metavar": "N", "help": "{things} at a time (default: {usual})"},
-    "max-memory": {
-        "type": value(parse_bytes, "a size such as 800M or 4G"),
-        "metavar": "SIZE",
-        "help": "memory for all processes together, for example 4G (default: most of the free memory)",
-    },
-    "scheduler": {"metavar": "ADDRESS", "help": "do the work on the workers of this dask scheduler, tcp://HOST:PORT"},
-    "scheduler-file": {"metavar": "FILE", "help": "as --scheduler, for the scheduler that wrote this file"},
+    "threads": ("-j --threads N", "threads{of} (default: one per core)", {"type": count}),
+    "workers": ("--workers N", "{things} at a time (default: {usual})", {"type": count}),
+    "max-memory": (
+        "--max-memory SIZE",
+        "memory for all processes together, for example 4G (default: most of the free memory)",
+        {"type": value(parse_bytes, "a size such as 800M or 4G")},
+    ),
+    "scheduler": ("--scheduler ADDRESS", "do the work on the workers of this dask scheduler, tcp://HOST:PORT", {}),
+    "scheduler-file": ("--scheduler-file FILE", "as --scheduler, for the scheduler that wrote this file", {}),
 }
-"""Option -> what argparse is to know of it; a word in braces is replaced by that of the command."""
+"""Option -> how its help shows it, its help, and settings of argparse; a word in braces is replaced by that of the command."""
+
+
+def option(group: argparse._ActionsContainer, shown: str, help: str, **settings: Any) -> None:  # noqa: A002  argparse's name
+    """Add an option, or what is named without one.
+
+    shown: as the help shows it: "-o --output DIR", "--dark F ..." (a list, by default an empty one), "--origin ROW COLUMN",
+        "--json" (a switch).
+    settings: of argparse, instead of those that this says; `dest` of what is named without an option.
+    """
+    words = shown.removesuffix(" ...").split()
+    flags = [word for word in words if word.startswith("-")]
+    values = tuple(words[len(flags) :])
+    said: dict[str, Any] = {"metavar": values[0] if len(values) == 1 else values} if values else {}
+    if shown.endswith(" ..."):
+        said |= {"nargs": "+", "default": []}
+    elif len(values) > 1:
+        said["nargs"] = len(values)
+    elif not values and not settings:
+        said["action"] = "store_true"
+    group.add_argument(*flags, help=help, **said | settings)
 
 
 def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> None:
@@ -138,26 +139,23 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
     changed: the words for those in braces, and settings of argparse that differ from the table's (nargs, default, required).
     """
     settings = {name: changed.pop(name) for name in ("nargs", "default", "required") if name in changed}
-    for option in options:
-        known = _SHARED[option] | settings
-        flags = [_SHORT[option]] if option in _SHORT else []
-        words = {"instead": "", "of": "", "more": ""} | changed
-        group.add_argument(*flags, f"--{option}", **known | {"help": known["help"].format(**words)})
+    words = {"instead": "", "of": "", "more": ""} | changed
+    for each in options:
+        shown, said, known = _SHARED[each]
+        option(group, shown, said.format(**words), **known | settings)
 
 
 def add_protocol(group: argparse._ActionsContainer, **settings: Any) -> None:
     """Add --protocol, and the option of each protocol for its level; `protocol_of` reads them. settings: of the levels (nargs)."""
     summaries = "; ".join(f"{name}: {each.summary}" for name, each in PROTOCOLS.items())
     group.add_argument("--protocol", choices=list(PROTOCOLS), default=PaperProtocol.name, help=summaries)
-    for option, each in {each.option: each for each in PROTOCOLS.values()}.items():
-        group.add_argument(f"--{option}", type=factor, metavar=each.metavar, help=each.help, **settings)
+    for each in {each.option: each for each in PROTOCOLS.values()}.values():
+        option(group, f"--{each.option} {each.metavar}", each.help, type=factor, **settings)
 
 
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
     """Add SHOT, one or more."""
-    parser.add_argument(
-        "shots", nargs="+", metavar="SHOT", help=f"a DNG written by Panchroma, {also}or a folder with DNGs in it or below"
-    )
+    option(parser, "SHOT ...", f"a DNG written by Panchroma, {also}or a folder with DNGs in it or below", dest="shots")
 
 
 # --- what they mean together ----------------------------------------------------------------------------------------------------

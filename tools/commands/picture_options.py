@@ -11,56 +11,47 @@ from tools.pictures.kind import PictureKind
 from tools.rendering.defect_list import read_defects
 from tools.rendering.white_balance import WhiteBalance
 
-from .options import add
+from .options import add, option
 
 
 def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     """Add the options of a picture, from --format to --preset, the first of which is the default, and --max-pixels."""
-    parser.add_argument(
-        "-f",
-        "--format",
-        type=_format,
-        choices=tuple(FORMATS),
-        default="tif",
-        help="; ".join(
+    option(
+        parser,
+        "-f --format",
+        "; ".join(
             f"{each.name}: {each.about}" if each.about else f"{each.aliases[0]} is {each.name}"
             for each in FORMATS.values()
             if each.about or each.aliases
         ),
+        type=_format,
+        choices=tuple(FORMATS),
+        default="tif",
     )
-    parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
+    option(parser, "--bits", "bits per sample (default: the usual ones of the format)", type=int, choices=(8, 16, 32))
     lossy = [each.name for each in FORMATS.values() if each.has_quality]
     add(parser, "quality", more=f"; for {', '.join(lossy)}")
     spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
-    parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
+    option(parser, "--space", "colour space; camera: scene units (default: the usual one of the format)", choices=spaces)
     able = ", ".join(each.name for each in FORMATS.values() if each.has_uncertainty)
-    parser.add_argument(
+    option(
+        parser,
         "--uncertainty",
-        action="store_true",
-        help=f"also write how far luminance and colour of each pixel may be off: standard deviations, scene units; for {able}",
+        f"also write how far luminance and colour of each pixel may be off: standard deviations, scene units; for {able}",
     )
-    parser.add_argument(
-        "--exposure",
-        type=float,
-        default=0.0,
-        metavar="STOPS",
-        help="brighten the picture by this many stops; negative ones darken it, and what is burnt out stays white",
-    )
-    parser.add_argument(
-        "--wb",
-        type=WhiteBalance.parse,
-        default="camera",
-        metavar="BALANCE",
-        help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
-    )
+    exposure = "brighten the picture by this many stops; negative ones darken it, and what is burnt out stays white"
+    option(parser, "--exposure STOPS", exposure, type=float, default=0.0)
+    balance = "white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6"
+    option(parser, "--wb BALANCE", balance, type=WhiteBalance.parse, default="camera")
     add(parser, "camera", instead=", in place of the one in the shots")
-    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: a text, a line of row, column (from 0) for each")
-    parser.add_argument(
+    option(parser, "--defects FILE", "more defective pixels: a text, a line of row, column (from 0) for each")
+    published = "; paper: the published method, literally" * ("paper" in presets)
+    option(
+        parser,
         "--preset",
+        f"unlearned: best without the networks that correct luminance and colour{published}",
         choices=presets,
         default=presets[0],
-        help="unlearned: best without the networks that correct luminance and colour"
-        + "; paper: the published method, literally" * ("paper" in presets),
     )
     add(parser, "max-pixels")
 
@@ -74,7 +65,7 @@ def _format(name: str) -> str:
 def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """Add the options of a run, and return their group."""
     group = parser.add_argument_group("the run")
-    group.add_argument("--resume", action="store_true", help="keep results that are up to date, replace outdated ones")
+    option(group, "--resume", "keep results that are up to date, replace outdated ones")
     add(group, "overwrite", "dry-run", "threads", "max-memory", of=" of each process")
     return group
 

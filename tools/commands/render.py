@@ -20,7 +20,7 @@ from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
 from tools.rendering.run import Pass, passes, scheduled_passes, shard_of
 
-from .options import add, add_shots, uses_scheduler, value
+from .options import add, add_shots, option, uses_scheduler, value
 from .picture_options import add_picture, add_run, order_fields
 
 
@@ -30,10 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", files="STEM.EXT (subfolders are kept)")
     add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
-    shard = value(_shard, "a part and their number, such as 3/8; parts are counted from 1")
-    group.add_argument(
-        "--shard", type=shard, default=(1, 1), metavar="I/N", help="render only part I of N, counted from 1 (default: all)"
+    expected = "a part and their number, such as 3/8; parts are counted from 1"
+    shard = value(
+        lambda text: tuple(map(int, text.split("/"))), expected, lambda found: len(found) == 2 and 1 <= found[0] <= found[1]
     )
+    option(group, "--shard I/N", "render only part I of N, counted from 1 (default: all)", type=shard, default=(1, 1))
     add(group, "workers", things="processes", usual="1, or for many shots what cores and memory allow")
     add(group, "scheduler", "scheduler-file")
     add(parser, "json", each="shot")
@@ -67,8 +68,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def _shard(text: str) -> tuple[int, int]:
     part, parts = map(int, text.split("/"))
-    if not 1 <= part <= parts:
-        raise ValueError
     return part, parts
 
 

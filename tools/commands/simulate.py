@@ -38,7 +38,7 @@ from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 
-from .options import add, add_protocol, camera_of, count, numbers, protocol_of
+from .options import add, add_protocol, camera_of, count, numbers, option, protocol_of
 
 RAW = "raw"
 """Layout of a frame of samples alone."""
@@ -47,51 +47,40 @@ _MEASURED = PictureKind("tif", 32, "camera")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
-    parser.add_argument(
-        "scenes",
-        nargs="+",
-        metavar="SCENE",
-        help="camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below",
-    )
+    scenes = "camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below"
+    option(parser, "SCENE ...", scenes, dest="scenes")
     add(parser, "output", files="STEM.dng (subfolders are kept)")
     sensor = parser.add_argument_group("the camera")
     add(sensor, "camera", "pattern", "period", "origin")
     add(sensor, "sensor-bits", usual=DEFAULT_BITS)
-    sensor.add_argument(
+    option(
+        sensor,
         "--layout",
+        "how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer; raw: no "
+        "DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
         choices=("auto", "cfa", "linear", RAW),
         default="auto",
-        help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer; raw: no "
-        "DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
     )
     light = parser.add_argument_group("light and noise")
     add_protocol(light)
     add(light, "seed")
     for name, fault in FAULTS.items():
-        light.add_argument(f"--{name}", type=numbers(example=fault.example), metavar=fault.metavar, help=fault.help)
+        option(light, f"--{name} {fault.metavar}", fault.help, type=numbers(example=fault.example))
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
-    burst.add_argument("--burst", type=count, metavar="N", help="make N frames, STEM-1.dng to STEM-N.dng; the first has not moved")
-    burst.add_argument(
-        "--motion", type=float, default=0.0, metavar="PIXELS", help="largest displacement of the others (default: 0)"
-    )
-    burst.add_argument("--rotation", type=float, default=0.0, metavar="DEGREES", help="largest rotation of the others (default: 0)")
-    burst.add_argument("--moving", action="store_true", help="a thing moves through the scene, 5 to 20 pixels from frame to frame")
-    burst.add_argument(
-        "--bracket",
-        type=numbers(example="0,-2,2"),
-        default=(),
-        metavar="EV,EV,...",
-        help="exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: all frames are "
-        "exposed alike)",
-    )
-    parser.add_argument(
-        "--reduce", type=count, default=1, metavar="N", help="make one pixel from N x N of the scene, after the burst's motion"
-    )
+    option(burst, "--burst N", "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved", type=count)
+    option(burst, "--motion PIXELS", "largest displacement of the others (default: 0)", type=float, default=0.0)
+    option(burst, "--rotation DEGREES", "largest rotation of the others (default: 0)", type=float, default=0.0)
+    option(burst, "--moving", "a thing moves through the scene, 5 to 20 pixels from frame to frame")
+    bracket = "exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time"
+    alike = "(default: all frames are exposed alike)"
+    option(burst, "--bracket EV,EV,...", f"{bracket} {alike}", type=numbers(example="0,-2,2"), default=())
+    reduced = "make one pixel from N x N of the scene, after the burst's motion"
+    option(parser, "--reduce N", reduced, type=count, default=1)
     add(parser, "linear")
-    parser.add_argument(
+    option(
+        parser,
         "--truth",
-        action="store_true",
-        help="also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; "
+        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; "
         "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others",
     )
     add(parser, "max-pixels", "overwrite")

@@ -17,15 +17,15 @@ from tools.live.server import ViewfinderServer
 from tools.live.showing import LiveView
 
 from .frame_options import add_source, source_of
-from .options import add
+from .options import add, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma view`."""
     add_source(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder for shots, created if missing; without it there is no button")
-    parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface that serves the page")
-    parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one")
+    option(parser, "-o --output DIR", "folder for shots, created if missing; without it there is no button")
+    option(parser, "--bind ADDRESS", "network interface that serves the page", default="127.0.0.1")
+    option(parser, "--port PORT", "port of the page; 0 takes any free one", type=int, default=8000)
     add(parser, "scale", "latest", "threads", of=" of the preview")
 
 
