@@ -16,7 +16,8 @@ from tests.data import ROOT
 from tools.cli import main
 from tools.rendering.journal import NAME as JOURNAL
 
-PROGRAM = (sys.executable, "-c", "from tools.cli import main; main()")
+SCRIPT = "from tools.cli import main; main()"
+PROGRAM = (sys.executable, "-c", SCRIPT)
 
 
 @dataclass(frozen=True)
@@ -51,27 +52,34 @@ def run(*arguments: str | Path, code: int | None = None) -> Outcome:
     return Outcome(left, out.getvalue(), err.getvalue())
 
 
-def start(*arguments: str | Path, before: tuple[str, ...] = (), **options: Any) -> "subprocess.Popen[str]":
+def start(*arguments: str | Path, before: tuple[str, ...] = (), script: str = SCRIPT, **options: Any) -> "subprocess.Popen[str]":
     """A command, started in a process of its own; standard output and error are pipes of text.
 
     before: a program that starts the one whose command line follows.
+    script: what the process runs, with these arguments.
     options: of subprocess.Popen.
     """
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen([*before, *PROGRAM, *map(str, arguments)], cwd=ROOT, text=True, **{**pipes, **options})
+    usual = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": ROOT, "text": True}
+    return subprocess.Popen([*before, sys.executable, "-c", script, *map(str, arguments)], **{**usual, **options})
+
+
+def ended(process: "subprocess.Popen[str]", number: int | None = None, *, code: int | None = None) -> Outcome:
+    """The end of a command that was started. number: of a signal that ends it; code: as in `run`."""
+    if number is not None:
+        process.send_signal(number)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == code or code is None, err
+    return Outcome(process.returncode, out, err)
+
+
+def spawn(*arguments: str | Path, code: int | None = None, **options: Any) -> Outcome:
+    """A command in a process of its own, run to its end. code: as in `run`; options: of `start`."""
+    return ended(start(*arguments, **options), code=code)
 
 
 def file_limit(size: int) -> Callable[[], None]:
     """For `preexec_fn`: the process can write no file larger than `size` bytes."""
     return partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
-
-
-def spawn(*arguments: str | Path, code: int | None = None, **options: Any) -> Outcome:
-    """A command in a process of its own, run to its end. code: as in `run`; options: of `start`."""
-    process = start(*arguments, **options)
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == code or code is None, err
-    return Outcome(process.returncode, out, err)
 
 
 def names(folder: Path) -> set[str]:

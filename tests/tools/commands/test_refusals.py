@@ -71,6 +71,7 @@ USAGE = {
         "--gain 3": "--gain does not go with builtin:64x48@9",
         "--latest .": "exists and is no link",
         "--pattern auto": "--pattern auto does not go with builtin:64x48@9",
+        "--camera gone.json": "gone.json: there is no such file",
         "--camera six.json --period 8": "six.json: the pattern is RGB period 8",
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
@@ -97,6 +98,7 @@ USAGE = {
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
+    "evaluate -o out": {"gone.npy": "no scene could be read"},
     "evaluate builtin:60x60 -o out": {
         "--period 2": "--period is 2, expected 3 to",
         "--sigma -1": "--sigma is -1.0, expected 0 or more",
@@ -148,6 +150,16 @@ for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -
     USAGE[with_pattern] |= PATTERNS
 USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}
 
+# Every command that takes shots.
+NO_SHOTS = {
+    "gone.dng": "panchroma: gone.dng: there is no such file",
+    "empty": "panchroma: empty: no .dng file is in this folder or below it",
+    "/dev/null": "panchroma: /dev/null: is a pipe or a device",
+    "x" * 300: f"panchroma: {'x' * 300}: cannot be read",
+    "*.dng.old": "panchroma: *.dng.old: no file matches this name with wildcards",
+    "''": "panchroma: a name: is empty; check the command",
+}
+
 # The same, where a file is to blame: others would have been worked on.
 FILES = {
     "simulate builtin:24x18 -o out": {
@@ -156,6 +168,8 @@ FILES = {
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
         "--aberration 3,0": "builtin:24x18: --aberration is 3,0: the most in a frame of 24 x 18 pixels is ",
     },
+    **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),
+    "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
     "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"},
     "identify": {
         "rgb.tif": "rgb.tif: is a picture with several colours at each pixel",
@@ -174,6 +188,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run("simulate", "builtin:24x18", "-o", folder, code=0)
     (folder / "builtin-24x18.dng").rename(folder / "shot.dng")
     run("simulate", "builtin:24x18", "-o", folder / "frames", "--burst", "3", code=0)
+    (folder / "empty").mkdir()
     shutil.copytree(folder / "frames", folder / "two")
     shutil.copy(folder / "shot.dng", folder / "two" / "rose-1.dng")
     for name, pattern in (("camera.json", None), ("six.json", CfaPattern.bayer(6))):

@@ -2,21 +2,22 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from offline import PAPER, PRESETS, render
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
-from shared.arrays import ByteArray, CodeArray, FloatArray
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray, FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, results, run
 from tests.tools.pictures.examples import encode_picture
+from tests.tools.rendering.examples import save_mosaic
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
 from tools.pictures.development import Development
@@ -36,7 +37,7 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
     rng = np.random.default_rng(1)
     lamps = np.repeat(np.repeat(rng.uniform(0, 3, (25, 3, 3)).astype(np.float32), 24, axis=0), 24, axis=1)
     mosaic = simulate_sensor(lamps, CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False), 1.0, rng)
-    write_dng(tmp_path / "lamps.dng", mosaic, np.zeros((8, 8, 3), np.uint8))
+    lamp = save_mosaic(tmp_path / "lamps.dng", mosaic)
     shown: list[ByteArray] = []
     whitened = Development.whitened
 
@@ -45,9 +46,9 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
         return whitened(self, rgb, lost)
 
     monkeypatch.setattr(Development, "whitened", recorded)
-    run("render", tmp_path / "lamps.dng", "-o", out, code=0)
+    run("render", lamp, "-o", out, code=0)
     assert len(shown) > 1
-    expected = render(read_dng(tmp_path / "lamps.dng"), PRESETS["best"]).lost
+    expected = render(read_dng(lamp), PRESETS["best"]).lost
     assert expected.any()
     assert np.array_equal(np.concatenate(shown), expected)
 
@@ -60,15 +61,13 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / f"{STEM}.dng"
 
 
-def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields: Any) -> Path:
-    """A shot of random samples, 13 x 17, changed by `codes`."""
-    calibration = SensorCalibration.of_bits(12, **fields)
+def save(path: Path, codes: ArrayLike | None = None) -> Path:
+    """A shot of these codes, of random ones without, 13 x 17."""
     samples = np.random.default_rng(0).integers(256, 3839, (13, 17), np.uint16)
-    if codes:
-        codes(samples)
+    if codes is not None:
+        samples[:] = codes
     metadata = CaptureMetadata(make="Contax", iso=400, orientation=6)
-    write_dng(path, Mosaic(samples, CfaPattern.bayer(), calibration, metadata), np.zeros((8, 8, 3), np.uint8))
-    return path
+    return save_mosaic(path, Mosaic(samples, CfaPattern.bayer(), SensorCalibration.of_bits(12), metadata))
 
 
 # --- what is made ---------------------------------------------------------------------------------------------------------------
@@ -130,9 +129,7 @@ def test_formats_have_their_other_names(out: Path, shot: Path, name: str, ending
 
 def uncalibrated(path: Path, level: float = 0.8) -> Path:
     """A shot of a grey scene under coloured light by a sensor that nobody has calibrated."""
-    mosaic = Mosaic(coloured_light(level=level).codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
-    write_dng(path, mosaic, np.zeros((8, 8, 3), np.uint8))
-    return path
+    return save_mosaic(path, Mosaic(coloured_light(level=level).codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12)))
 
 
 def cast(path: Path) -> float:
@@ -253,44 +250,24 @@ def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
     assert (bad.read_bytes(), shot.read_bytes()) == before
 
 
-def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
-    for verb in (["render", "-o", str(out)], ["inspect"]):
-        assert_refused(run(*verb, tmp_path / "x.dng"), "there is no such file", name=str(tmp_path / "x.dng"))
-        assert_refused(run(*verb, tmp_path), "no .dng file is in this folder", name=str(tmp_path))
-        assert_refused(run(*verb, "/dev/null"), "is a pipe or a device", name="/dev/null")
-        assert_refused(run(*verb, "x" * 300), "cannot be read", name="x" * 300)
-        assert_refused(run(*verb, "*.dng"), "no file matches this name with wildcards", name="*.dng")
-        assert_refused(run(*verb, ""), "is empty; check the command", name="a name")
-
-
-def black(codes: CodeArray) -> None:
-    codes[:] = 256
-
-
-def saturated(codes: CodeArray) -> None:
-    codes[:] = 4000
-
-
 @pytest.mark.parametrize(
-    ("codes", "words"),
+    ("code", "words"),
     [
-        (black, "no sample is above the black level: nothing was exposed"),
-        (saturated, "every sample is saturated: there is no picture in it; expose less"),
+        (256, "no sample is above the black level: nothing was exposed"),
+        (4000, "every sample is saturated: there is no picture in it; expose less"),
     ],
 )
-def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, codes: Any, words: str) -> None:
-    assert_refused(run("render", save(tmp_path / "shot.dng", codes), "-o", out), words, name=str(tmp_path / "shot.dng"))
+def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, code: int, words: str) -> None:
+    shot = save(tmp_path / "shot.dng", code)
+    assert_refused(run("render", shot, "-o", out), words, name=str(shot))
     assert results(out) == set()
 
 
 def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_best(out: Path, tmp_path: Path) -> None:
     """`best` takes luminance from them; the published method has none to begin with."""
 
-    def codes(samples: CodeArray) -> None:
-        samples[CfaPattern.bayer().filter_map(samples.shape) == 3] = 4000
-        samples[CfaPattern.bayer().filter_map(samples.shape) != 3] = 2400
-
-    shot = save(tmp_path / "shot.dng", codes)
+    clear = CfaPattern.bayer().panchromatic_mask((13, 17))
+    shot = save(tmp_path / "shot.dng", np.where(clear, 4000, 2400))
     words = "every panchromatic sample is saturated: there is no picture in it; expose less"
     assert_refused(run("render", shot, "-o", out, "--preset", "paper"), words, name=str(shot))
     assert results(out) == set()
@@ -303,14 +280,12 @@ def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_b
 
 
 def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path) -> None:
-    for name, others, one in (("dark", 256, 300), ("bright", 4000, 2000)):
-
-        def codes(samples: CodeArray, others: int = others, one: int = one) -> None:
-            samples[:] = others
-            samples[4, 4] = one
-
-        run("render", save(tmp_path / f"{name}.dng", codes), "-o", out, *MEASURED, code=0)
-        assert np.isfinite(tifffile.imread(out / f"{name}.tif")).all()
+    for others, one in ((256, 300), (4000, 2000)):
+        light = np.full((13, 17), others)
+        light[4, 4] = one
+        shot = save(tmp_path / f"{one}.dng", light)
+        run("render", shot, "-o", out, *MEASURED, code=0)
+        assert np.isfinite(tifffile.imread(out / f"{one}.tif")).all()
 
 
 def test_a_sensor_whose_colours_nobody_knows(out: Path, tmp_path: Path) -> None:
@@ -318,10 +293,8 @@ def test_a_sensor_whose_colours_nobody_knows(out: Path, tmp_path: Path) -> None:
     pattern = CfaPattern.with_block(("VGB", "XWY"), 6)
     calibration = SensorCalibration("VGBXY")
     samples = np.random.default_rng(0).integers(4096, 60000, (12, 18), np.uint16)
-    write_dng(tmp_path / "five.dng", Mosaic(samples, pattern, calibration), np.zeros((8, 8, 3), np.uint8))
-    assert_refused(
-        run("render", tmp_path / "five.dng", "-o", out), "no colour matrix for the channels VGBXY", name=str(tmp_path / "five.dng")
-    )
-    assert_refused(run("render", tmp_path / "five.dng", "-o", out, "-f", "dng"), "3 channels", name=str(tmp_path / "five.dng"))
-    run("render", tmp_path / "five.dng", "-o", out, *MEASURED, code=0)
+    shot = save_mosaic(tmp_path / "five.dng", Mosaic(samples, pattern, calibration))
+    assert_refused(run("render", shot, "-o", out), "no colour matrix for the channels VGBXY", name=str(shot))
+    assert_refused(run("render", shot, "-o", out, "-f", "dng"), "3 channels", name=str(shot))
+    run("render", shot, "-o", out, *MEASURED, code=0)
     assert tifffile.imread(out / "five.tif").shape == (12, 18, 5)

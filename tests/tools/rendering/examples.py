@@ -8,10 +8,15 @@ from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import NoiseModel
 
 
+def save_mosaic(path: Path, mosaic: Mosaic) -> Path:
+    """A shot with a black preview, in place of what is there; folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_dng(path, mosaic, np.zeros((8, 8, 3), np.uint8), overwrite=True)
+    return path
+
+
 def save_shot(path: Path, seed: int = 0, shape: tuple[int, int] = (13, 17)) -> Path:
     """A shot of random samples; folders are made."""
     calibration = SensorCalibration.of_bits(12, noise=NoiseModel.gaussian(0.01, 4))
     samples = np.random.default_rng(seed).integers(256, calibration.white_level, shape, np.uint16)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_dng(path, Mosaic(samples, CfaPattern.bayer(), calibration), np.zeros((8, 8, 3), np.uint8))
-    return path
+    return save_mosaic(path, Mosaic(samples, CfaPattern.bayer(), calibration))
