@@ -1,7 +1,11 @@
+"""`panchroma capture`: streams, folders and the built-in sensor become shots, and none of their frames is lost unsaid."""
+
+import fcntl
 import json
 import os
 import signal
 import subprocess
+import termios
 import threading
 import time
 from contextlib import suppress
@@ -11,20 +15,26 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from device.capture import frame_folder
+from device.capture import frame_folder, identify
 from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
-from shared.arrays import ByteArray
+from shared.arrays import ByteArray, CodeArray
 from shared.sensor import simulate_additive
+from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
-from tests.tools.command import Outcome, names, spawn, start
+from tests.tools.command import Outcome, ended, names, spawn, start
 from tests.tools.command import run as command
 from tools.live import recorder
 from tools.scenes.drawn.builtin import builtin_scene
 
-SIZE = (20, 30)
+SIZE, SHOWN = (20, 30), (96, 128)
 LAYOUT = ["--width", "30", "--height", "20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]
+DESCRIBED = ["--width", "128", "--height", "96", "--pixel-format", "raw12"]
+KODAK, BAYER = taken(SCENE, tile_of("Kodak", (1, 2))), taken(SCENE, tile_of("RG/GB"))
+DARK = np.full_like(KODAK, 256)
+UNKNOWN = ("--width", str(KODAK.shape[1]), "--height", str(KODAK.shape[0]), "--pixel-format", "Y12", "--pattern", "auto")
+ENDING = pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 
 
 def frame(seed: int) -> bytes:
@@ -52,27 +62,40 @@ def piped(data: bytes, *arguments: str, code: int | None = None) -> Outcome:
     return outcome
 
 
+def recorded(folder: Path, data: bytes, *arguments: str | Path, code: int) -> str:
+    """What the command says with a file as standard input."""
+    recording = folder / "recording"
+    recording.write_bytes(data)
+    with recording.open("rb") as file:
+        return spawn("capture", "-", *arguments, stdin=file, code=code).err
+
+
 def shots(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.dng"))
 
 
+def codes(folder: Path) -> list[bytes]:
+    """The samples of its shots."""
+    return [read_dng(path).codes.tobytes() for path in shots(folder)]
+
+
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for frames, which is looked at often."""
     monkeypatch.setattr(frame_folder, "_POLL", 0.01)
     monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
+    (tmp_path / "frames").mkdir()
+    return tmp_path / "frames"
 
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     latest = tmp_path / "latest"
     done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(latest), code=0)
-    records = [json.loads(line) for line in done.out.splitlines()]
-    assert [record["output"] for record in records] == [str(path) for path in shots(out)]
-    assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in records)
-    assert [record["dropped"] for record in records] == [0, 0, 0]
-    for seed, path in enumerate(shots(out)):
-        mosaic = read_dng(path)
-        assert np.array_equal(mosaic.codes, random_codes(SIZE, 12, seed))
-        assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
+    assert [record["output"] for record in done.records] == [str(path) for path in shots(out)]
+    assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in done.records)
+    assert [record["dropped"] for record in done.records] == [0, 0, 0]
+    assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(3)]
+    assert {read_dng(path).calibration for path in shots(out)} == {SensorCalibration.of_bits(12, headroom=False)}
     assert latest.resolve() == shots(out)[-1]
     lines = done.err.splitlines()
     assert "no --camera: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
@@ -87,17 +110,8 @@ def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> Non
 
 
 def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> None:
-    recording = tmp_path / "recording"
-    recording.write_bytes(b"".join(map(frame, range(12))))
-    with recording.open("rb") as file:
-        outcome = spawn("capture", "-", "-o", out, *LAYOUT, stdin=file)
-    assert outcome.code == 0
+    assert "12 saved, 0 dropped" in recorded(tmp_path, b"".join(map(frame, range(12))), "-o", out, *LAYOUT, code=0)
     assert len(shots(out)) == 12
-    assert "12 saved, 0 dropped" in outcome.err
-
-
-SHOWN = (96, 128)
-DESCRIBED = ["--width", "128", "--height", "96", "--pixel-format", "raw12"]
 
 
 def shown(stride: int = 0) -> bytes:
@@ -125,13 +139,8 @@ def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: byt
 
 
 def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_path: Path) -> None:
-    recording = tmp_path / "recording"
-    recording.write_bytes(bytes(256 * 96))
     for options, code, words in (([], 2, "likely --stride 256"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
-        with recording.open("rb") as file:
-            outcome = spawn("capture", "-", "-o", out, *DESCRIBED, *options, stdin=file)
-        assert outcome.code == code
-        assert words in outcome.err
+        assert words in recorded(tmp_path, bytes(256 * 96), "-o", out, *DESCRIBED, *options, code=code)
 
 
 @pytest.mark.parametrize(
@@ -149,13 +158,11 @@ def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: 
     assert "no --camera" in process.stderr.readline()
     assert "the frame " in process.stderr.readline()  # the first has come
     assert burst or "dropped 0" in process.stdout.readline()
-    process.send_signal(number)
-    assert process.communicate(timeout=60)[1] == said
-    assert process.returncode == code
+    assert ended(process, number, code=code).err == said
     assert len(names(out)) == (0 if burst else 1)
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+@ENDING
 def test_a_signal_waits_for_the_frame_in_hand(
     out: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int
 ) -> None:
@@ -168,8 +175,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
     monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: interrupted)
     before = signal.getsignal(number)
     run("builtin:64x48@50", "-o", out, code=code)
-    assert len(shots(out)) == 1
-    read_dng(shots(out)[0])
+    assert len(codes(out)) == 1
     assert [path.suffix for path in out.iterdir()] == [".dng"]
     assert signal.getsignal(number) == before
 
@@ -177,13 +183,9 @@ def test_a_signal_waits_for_the_frame_in_hand(
 def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
     run("builtin:96x64@50", "-o", out, "--frames", "3", "--period", "4", "--origin", "1", "2", code=0)
     one, two, three = (read_dng(path) for path in shots(out))
-    assert one.shape == (64, 96)
-    assert one.pattern.period == 4
-    assert one.pattern.origin == (1, 2)
-    assert one.calibration.camera_to_xyz is not None
-    assert one.calibration.noise is not None
-    assert not np.array_equal(one.codes, two.codes)
-    assert not np.array_equal(two.codes, three.codes)
+    assert (one.shape, one.pattern) == ((64, 96), CfaPattern.bayer(4, origin=(1, 2)))
+    assert None not in (one.calibration.camera_to_xyz, one.calibration.noise)
+    assert len({shot.codes.tobytes() for shot in (one, two, three)}) == 3
 
 
 def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
@@ -215,18 +217,15 @@ def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> Non
     assert done.err.endswith("12 saved, 0 dropped\n")
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
     assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
-    assert [read_dng(path).codes.tobytes() for path in shots(out)] == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
+    assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
 
 
-@pytest.mark.usefixtures("quick")
-def test_a_folder_s_frames_become_shots_and_stay(out: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    (folder / "0.raw").write_bytes(frame(0)[:-1])
-    threading.Timer(0.5, lambda: (folder / "1.raw").write_bytes(frame(1))).start()
-    heard = run(folder, "-o", out, *LAYOUT, "--frames", "1", code=1)  # one is no frame
-    assert sorted(path.name for path in folder.iterdir()) == ["0.raw", "1.raw"]
-    assert [read_dng(path).codes.tobytes() for path in shots(out)] == [random_codes(SIZE, 12, 1).tobytes()]
+def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> None:
+    (frames / "0.raw").write_bytes(frame(0)[:-1])
+    threading.Timer(0.5, lambda: (frames / "1.raw").write_bytes(frame(1))).start()
+    heard = run(frames, "-o", out, *LAYOUT, "--frames", "1", code=1)  # one is no frame
+    assert names(frames) == {"0.raw", "1.raw"}
+    assert codes(out) == [random_codes(SIZE, 12, 1).tobytes()]
     assert "0.raw: 1279 bytes are not a frame" in heard.err
     assert heard.err.endswith("1 saved, 0 dropped, 1 failed\n")
 
@@ -240,3 +239,50 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options, code=0)
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
     assert (f"black level {black:.0f}" in done.err) == ("--black" not in options)
+
+
+# --- --pattern auto: the first frames tell the tile, and none of them is lost ----------------------------------------------------
+
+
+def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: Path) -> None:
+    data = b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK))
+    done = piped(data, "-o", str(out), *UNKNOWN, "--wait", code=0)
+    recorded = [read_dng(path) for path in shots(out)]
+    assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
+    assert {shot.pattern.letters_from() for shot in recorded} == {identify(KODAK).tile}
+    assert "the first frames show the tile Kodak" in done.err
+    assert "as red and blue, may be exchanged" in done.err
+
+
+def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: Path) -> None:
+    (frames / "0.bin").write_bytes(b"no frame")
+    (frames / "1.raw").write_bytes(KODAK.astype("<u2").tobytes())
+    outcome = run(frames, "-o", out, *UNKNOWN, "--frames", "1")
+    assert read_dng(*shots(out)).pattern.name == "Kodak"
+    assert all("0.bin: 8 bytes are not a frame" in error for error in outcome.errors)
+
+
+@pytest.mark.parametrize(
+    ("frame", "words"),
+    [
+        (DARK, "the first 4 frames show no pattern of filters; --pattern auto takes a tile with a name, light and colours"),
+        (BAYER, "the first 4 frames show Bayer, "),
+    ],
+)
+def test_what_does_not_tell_a_tile_is_refused(frames: Path, out: Path, frame: CodeArray, words: str) -> None:
+    for number in range(4):
+        (frames / f"{number}.raw").write_bytes(frame.astype("<u2").tobytes())
+    outcome = run(frames, "-o", out, *UNKNOWN, code=2)
+    assert words in outcome.errors[0]
+    assert not list(out.glob("*"))
+
+
+@ENDING
+def test_a_signal_ends_it_while_it_waits_for_the_first_frame(out: Path, number: signal.Signals, code: int) -> None:
+    with start("capture", "-", "-o", out / "shots", *UNKNOWN, stdin=subprocess.PIPE) as process:
+        process.stdin.write("a part of a frame")
+        process.stdin.flush()
+        while fcntl.ioctl(process.stdin, termios.FIONREAD, b"    ") != bytes(4):  # until the pipe has been read from
+            time.sleep(0.02)
+        ended(process, number, code=code)
+    assert not list(out.iterdir())

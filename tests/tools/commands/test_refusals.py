@@ -171,6 +171,11 @@ FILES = {
     **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
     "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"},
+    "burst -o out": {
+        "texts": "panchroma: texts/a-1.dng: none of the 2 frames can be used",
+        "frames --max-memory 1M": "frames/builtin-24x18-1.dng: 3 frames of ",
+    },
+    "burst numbered/1.dng numbered/2.dng -o numbered": {"-f dng --overwrite": "panchroma: numbered/1.dng: is an input"},
     "identify": {
         "rgb.tif": "rgb.tif: is a picture with several colours at each pixel",
         "float.npy": "float.npy: its samples are float32",
@@ -188,7 +193,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run("simulate", "builtin:24x18", "-o", folder, code=0)
     (folder / "builtin-24x18.dng").rename(folder / "shot.dng")
     run("simulate", "builtin:24x18", "-o", folder / "frames", "--burst", "3", code=0)
-    (folder / "empty").mkdir()
+    for name in ("empty", "texts", "numbered"):
+        (folder / name).mkdir()
+    for number in (1, 2):
+        (folder / "texts" / f"a-{number}.dng").write_text("no picture")
+        shutil.copy(folder / "shot.dng", folder / "numbered" / f"{number}.dng")
     shutil.copytree(folder / "frames", folder / "two")
     shutil.copy(folder / "shot.dng", folder / "two" / "rose-1.dng")
     for name, pattern in (("camera.json", None), ("six.json", CfaPattern.bayer(6))):
