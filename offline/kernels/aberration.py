@@ -1,22 +1,21 @@
 """What lateral chromatic aberration changes in the samples of a picture."""
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray
-
+from .arrays import Bytes2, Doubles2, Floats1, Floats2, Floats3
 from .compile import Pieces, parallel_kernel
 from .interpolation import interpolated
 
 
-@parallel_kernel("f4[:, :, ::1], i8, i8, f8[:, ::1], f4[::1], u1[:, ::1], i8, f4[:, ::1]")
+@parallel_kernel()
 def undo_aberration(
     pieces: Pieces,
-    picture: FloatArray,
+    picture: Floats3,
     first: int,
     height: int,
-    radial: DoubleArray,
-    gamma: FloatArray,
-    planes: ByteArray,
+    radial: Doubles2,
+    gamma: Floats1,
+    planes: Bytes2,
     start: int,
-    samples: FloatArray,
+    samples: Floats2,
 ) -> None:
     """Add to samples how much more they would read if the lens displaced no channel.
 

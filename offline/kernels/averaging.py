@@ -6,11 +6,10 @@ offset (down, across) has the number down * side + across; the opposite one has 
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
-
+from .arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
+from .lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
 from .pieces import tiles
 
 _ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
@@ -19,20 +18,17 @@ _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1], i8[::1]), i8, f4[::1], f8, i8, f4[:, :, ::1]",
-    pieces=lambda *given: tiles(given[-1].shape[:2], (_ROWS, _COLUMNS)),
-)
+@parallel_kernel(pieces=lambda *given: tiles(given[-1].shape[:2], (_ROWS, _COLUMNS)))
 def average(
     pieces: Pieces,
-    initial: FloatArray,
-    luminance: FloatArray,
-    places: tuple[IndexArray, IndexArray, IndexArray],
+    initial: Floats3,
+    luminance: Floats2,
+    places: tuple[Ints1, Ints1, Ints1],
     radius: int,
-    blur: FloatArray,
-    falloff: Scalar,
+    blur: Floats1,
+    falloff: float,
     repetitions: int,
-    out: FloatArray,
+    out: Floats3,
 ) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
 
@@ -73,7 +69,7 @@ def average(
 
 
 @kernel
-def _gather(source: FloatArray, tints: FloatArray, places: IndexArray, light: FloatArray, colour: FloatArray) -> None:
+def _gather(source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colour: Floats2) -> None:
     """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights by the other pixel's light."""
     for column in range(len(places)):
         light[column] = source[places[column]]
@@ -84,7 +80,7 @@ def _gather(source: FloatArray, tints: FloatArray, places: IndexArray, light: Fl
 
 
 @kernel
-def _finish(mean: FloatArray, initial: FloatArray, out: FloatArray) -> None:
+def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
     """Write a row of the result; a pixel without light around it keeps its chromaticity."""
     for channel in range(out.shape[1]):
         for column in range(len(out)):
@@ -93,8 +89,8 @@ def _finish(mean: FloatArray, initial: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def _weigh(
-    light: FloatArray, rows: tuple[int, int], columns: tuple[int, int], radius: int, blur: FloatArray, falloff: Scalar,
-    memory: tuple[FloatArray, FloatArray], weights: FloatArray,
+    light: Floats2, rows: Pair, columns: Pair, radius: int, blur: Floats1, falloff: Scalar,
+    memory: tuple[Floats1, Floats2], weights: Floats3
 ) -> None:  # fmt: skip
     """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
 
@@ -132,9 +128,7 @@ def _weight(exponent: Lanes) -> Lanes:
 
 
 @kernel
-def _average(
-    weights: FloatArray, colour: FloatArray, rows: tuple[int, int], columns: tuple[int, int], radius: int, mean: FloatArray
-) -> None:
+def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3) -> None:
     """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of the others divided by it.
 
     Two rows are computed together, which have most neighbours in common. Beside the edges nothing is right, and nothing is used.
@@ -164,14 +158,14 @@ def _average(
 
 
 @kernel
-def _between(weights: FloatArray, row: int, column: int, y: int, x: int, radius: int) -> Lanes:
+def _between(weights: Floats3, row: int, column: int, y: int, x: int, radius: int) -> Lanes:
     """The weights of the pixels at (y, x) for those at (row, column)."""
     offset = (y - row) * (2 * radius + 1) + x - column
     return load(weights, (offset, row, column)) if offset >= 0 else load(weights, (-offset, y, x))
 
 
 @kernel
-def _lit(mean: FloatArray, rows: tuple[int, int], columns: tuple[int, int], colour: FloatArray) -> None:
+def _lit(mean: Floats3, rows: Pair, columns: Pair, colour: Floats3) -> None:
     """Multiply what Eq. 15 gave by the light, for the next repetition."""
     for plane in range(1, len(colour)):
         for row in range(rows[0], rows[1]):

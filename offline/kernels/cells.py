@@ -8,12 +8,10 @@ another, is left alone.
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
-
 from ..parts import DARK
+from .arrays import Floats1, Floats2, Floats3, Frozen2, Frozen3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
-from .lanes import Scalar
 
 STATE = 6
 """Planes of what `survey` finds."""
@@ -35,29 +33,25 @@ _DARK = np.float32(DARK)
 _THIRD, _HALF, _SIXTH = np.float32(1 / 3), np.float32(np.sqrt(1 / 2)), np.float32(np.sqrt(1 / 6))
 _NONE, _ONE, _TWO, _LOG = np.float32(0), np.float32(1), np.float32(2), np.float32(0.3)
 
-Places = tuple[IndexArray, IndexArray]
+Places = tuple[Ints1, Ints1]
 
 
 def _one(*_: object) -> int:
     return 1
 
 
-@parallel_kernel(
-    "const(f4[:, ::1]), const(f4[:, :, ::1]), (i8[::1], i8[::1]), i8[::1], f4[::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1],"
-    "f4[:, :, ::1]",
-    pieces=_one,
-)
+@parallel_kernel(pieces=_one)
 def survey(
     pieces: Pieces,
-    light: FloatArray,
-    chromaticity: FloatArray,
+    light: Frozen2,
+    chromaticity: Frozen3,
     places: Places,
-    channels: IndexArray,
-    gamma: FloatArray,
-    error: FloatArray,
-    variance: FloatArray,
-    cells: FloatArray,
-    state: FloatArray,
+    channels: Ints1,
+    gamma: Floats1,
+    error: Floats3,
+    variance: Floats2,
+    cells: Floats3,
+    state: Floats3,
 ) -> None:
     """Cut a picture into cells, and find how far each may be corrected; the outermost `MARGIN` cells are not judged.
 
@@ -107,9 +101,7 @@ def survey(
 
 
 @kernel
-def _cut(
-    light: FloatArray, chromaticity: FloatArray, places: Places, channels: IndexArray, gamma: FloatArray, cells: FloatArray
-) -> None:
+def _cut(light: Floats2, chromaticity: Floats3, places: Places, channels: Ints1, gamma: Floats1, cells: Floats3) -> None:
     """Write light and colour of each pixel to its cell."""
     (down, across), (red, green, blue), pixels = places, (channels[0], channels[1], channels[2]), len(cells) // 3
     period = len(down) // cells.shape[1]
@@ -130,7 +122,7 @@ def _cut(
 
 
 @kernel
-def _around(plane: FloatArray, row: int, column: int) -> Scalar:
+def _around(plane: Floats2, row: int, column: int) -> Scalar:
     """The mean of 3 x 3 cells."""
     total = _NONE
     for y in range(row - 1, row + 2):
@@ -138,16 +130,8 @@ def _around(plane: FloatArray, row: int, column: int) -> Scalar:
     return total / np.float32(9)
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8, i8), f4[:, :, ::1]", pieces=_one)
-def describe(
-    pieces: Pieces,
-    cells: FloatArray,
-    state: FloatArray,
-    error: FloatArray,
-    variance: FloatArray,
-    first: tuple[int, int],
-    out: FloatArray,
-) -> None:
+@parallel_kernel(pieces=_one)
+def describe(pieces: Pieces, cells: Floats3, state: Floats3, error: Floats3, variance: Floats2, first: Pair, out: Floats3) -> None:
     """Write what the network sees of the cells from row and column `first` on, `out`, (3 K^2 + S + SURROUNDINGS, rows, columns).
 
     cells, state, error, variance: see `survey`.
@@ -183,21 +167,18 @@ def _bounded(value: Scalar) -> Scalar:
     return min(max(value, -_RANGE), _RANGE)
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, :, ::1], (i8, i8), const(f4[:, ::1]), (i8[::1], i8[::1]), i8[::1], f4[::1], f4[:, :, ::1]",
-    pieces=_one,
-)
+@parallel_kernel(pieces=_one)
 def correct_cells(
     pieces: Pieces,
-    found: FloatArray,
-    cells: FloatArray,
-    state: FloatArray,
-    first: tuple[int, int],
-    light: FloatArray,
+    found: Floats3,
+    cells: Floats3,
+    state: Floats3,
+    first: Pair,
+    light: Frozen2,
     places: Places,
-    channels: IndexArray,
-    gamma: FloatArray,
-    out: FloatArray,
+    channels: Ints1,
+    gamma: Floats1,
+    out: Floats3,
 ) -> None:
     """Add a correction to chromaticity, `out`, (H, W, C). No chromaticity leaves the range of those in the 3 x 3 cells around.
 
@@ -237,7 +218,7 @@ def _safe(light: Scalar, mean: Scalar) -> Scalar:
 
 
 @kernel
-def _inside(value: Scalar, here: Scalar, safe: Scalar, ranges: FloatArray, component: int, y: int, x: int) -> Scalar:
+def _inside(value: Scalar, here: Scalar, safe: Scalar, ranges: Floats3, component: int, y: int, x: int) -> Scalar:
     """A correction of a component of colour, `here`, that leads no farther out than chromaticity around allows."""
     low, high = ranges[component, y, x], ranges[2 + component, y, x]
     gap = _INSIDE * (high - low)
@@ -246,7 +227,7 @@ def _inside(value: Scalar, here: Scalar, safe: Scalar, ranges: FloatArray, compo
 
 
 @kernel
-def _ranges(cells: FloatArray, means: FloatArray, first: tuple[int, int], rows: int, columns: int) -> FloatArray:
+def _ranges(cells: Floats3, means: Floats2, first: Pair, rows: int, columns: int) -> Floats3:
     """The chromaticities of the 3 x 3 cells around a cell: least of both components, then greatest, (4, rows, columns)."""
     pixels = len(cells) // 3
     each, around = zeros(4, rows + 2, columns + 2), zeros(4, rows, columns)

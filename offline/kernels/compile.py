@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
+from inspect import signature
 from pathlib import Path
-from typing import Any, Concatenate, Generic, NoReturn, ParamSpec, TypeVar
+from typing import Annotated, Any, Concatenate, Generic, NoReturn, ParamSpec, TypeVar, get_args, get_origin
 
 import numba
 import numpy as np
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from shared.processors import threads
 
+from .arrays import Pair
 from .pieces import in_pieces
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -42,7 +44,7 @@ _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("lis
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
 P = ParamSpec("P")
-Pieces = tuple[int, int]
+Pieces = Pair
 """First piece and end, which every kernel takes before all other arguments: what it computes in one call."""
 
 LITTLE = 1 << 15
@@ -134,14 +136,15 @@ def _announce() -> None:
 
 
 class ParallelKernel(Generic[P]):
-    """A function that stages call. It is compiled, or read from the disk, when it is first called, for one signature alone.
+    """A function that stages call. It is compiled, or read from the disk, when it is first called, for the types it names alone.
 
     Arguments of other types are converted if that is possible: an array that may be written can stand for one that may not, but
     float64 never for float32. Otherwise a call raises TypeError.
     """
 
-    def __init__(self, function: Callable[Concatenate[Pieces, P], None], signature: str, pieces: Callable[..., int]) -> None:
-        self._signature, self._pieces = f"(i8, i8), {signature}", pieces
+    def __init__(self, function: Callable[Concatenate[Pieces, P], None], pieces: Callable[..., int]) -> None:
+        self._types = tuple(_numba_type(each.annotation) for each in signature(function).parameters.values())
+        self._pieces = pieces
         self._dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
         with suppress(RuntimeError):  # no folder to keep it in: every program compiles it for itself
             self._dispatcher._cache = _Cache(function)
@@ -163,18 +166,14 @@ class ParallelKernel(Generic[P]):
             if not self.ready:
                 if not isinstance(self._dispatcher._cache, _Cache):
                     _announce()
-                self._dispatcher.compile(self._types())
+                self._dispatcher.compile(self._types)
                 self._dispatcher.disable_compile()
                 self.ready = True
 
     def kept(self) -> bool:
         """Whether it is on the disk."""
         cache = self._dispatcher._cache
-        return isinstance(cache, _Cache) and cache.holds(self._types(), self._dispatcher.targetctx.codegen())
-
-    def _types(self) -> tuple[Any, ...]:
-        names = {**vars(types), "const": lambda array: array.copy(readonly=True)}
-        return tuple(map(_as_type, eval(f"{self._signature},", names)))
+        return isinstance(cache, _Cache) and cache.holds(self._types, self._dispatcher.targetctx.codegen())
 
 
 def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
@@ -194,8 +193,13 @@ def _general(kind: Any) -> Any:
     return types.intp if isinstance(kind, types.Integer) else kind
 
 
-def _as_type(given: Any) -> Any:
-    return types.BaseTuple.from_types(tuple(map(_as_type, given))) if isinstance(given, tuple) else given
+def _numba_type(annotation: Any) -> Any:
+    """Numba's type of an argument: an int, a float, one of `arrays`, or a tuple of such."""
+    if get_origin(annotation) is Annotated:
+        return annotation.__metadata__[0]
+    if get_origin(annotation) is tuple:
+        return types.BaseTuple.from_types(tuple(map(_numba_type, get_args(annotation))))
+    return {int: types.intp, float: types.float64}[annotation]
 
 
 kernels: dict[str, ParallelKernel[...]] = {}
@@ -258,18 +262,18 @@ def _length_of_last(*arguments: Any) -> int:
 
 
 def parallel_kernel(
-    signature: str, pieces: Callable[..., int] = _length_of_last
+    pieces: Callable[..., int] = _length_of_last,
 ) -> Callable[[Callable[Concatenate[Pieces, P], None]], Callable[P, None]]:
     """Compile a function when it is first called, once per machine, and let threads call it for different pieces.
 
-    signature: types of the arguments but the first, in Numba's notation: f4 and f8 are floats, i8 is an integer, b1 is bool,
-        f4[:, ::1] is an array, and (i8, i8) is a tuple; const(f4[:, ::1]) may be an array that must not be written.
-    pieces: the number of pieces, from those arguments; by default the length of the last one, which is written. A call computes
-        those from the first of its `Pieces` to the end.
+    It is compiled for the types that its annotations name (see `arrays`).
+
+    pieces: the number of pieces, from the arguments after the first; by default the length of the last one, which is written. A
+        call computes those from the first of its `Pieces` to the end.
     """
 
     def decorate(function: Callable[Concatenate[Pieces, P], None]) -> Callable[P, None]:
-        kernels[function.__name__] = made = ParallelKernel(function, signature, pieces)
+        kernels[function.__name__] = made = ParallelKernel(function, pieces)
         return made
 
     return decorate

@@ -9,11 +9,10 @@ import math
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-
+from .arrays import Doubles2, Floats1, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import zeros
-from .lanes import WIDTH, Lanes, Scalar, load, store, total
+from .lanes import WIDTH, Lanes, load, store, total
 
 SOLVED = 3
 """Fields that are solved; the fourth is one minus their sum."""
@@ -26,7 +25,7 @@ _NONE = np.float32(0)
 
 @kernel
 def conjugate_gradients(
-    weights: FloatArray, size: tuple[int, int], planes: FloatArray, norm: float, tolerance: float, iterations: int
+    weights: Floats3, size: Pair, planes: Floats3, norm: float, tolerance: float, iterations: int
 ) -> tuple[float, int]:
     """Solve, starting from the residuals in `planes`. Returns the largest relative residual, and the iterations used.
 
@@ -66,15 +65,7 @@ def conjugate_gradients(
 
 
 @kernel
-def _sweep(
-    weights: FloatArray,
-    size: tuple[int, int],
-    planes: FloatArray,
-    first: bool,
-    steps: FloatArray,
-    turns: FloatArray,
-    sums: DoubleArray,
-) -> None:
+def _sweep(weights: Floats3, size: Pair, planes: Floats3, first: bool, steps: Floats1, turns: Floats1, sums: Doubles2) -> None:
     """Run one iteration. sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
     parts = zeros(SOLVED, 4, WIDTH)
     for row in range(size[0] + 1):
@@ -91,7 +82,7 @@ def _sweep(
 
 
 @kernel
-def _begin(planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
+def _begin(planes: Floats3, row: int, columns: int, parts: Floats3) -> None:
     """Set solution and direction of one row from its residual, and add its (r, r) to `parts`."""
     for field in range(SOLVED):
         squared = load(parts, (field, 0, 0))
@@ -104,7 +95,7 @@ def _begin(planes: FloatArray, row: int, columns: int, parts: FloatArray) -> Non
 
 
 @kernel
-def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns: FloatArray, parts: FloatArray) -> None:
+def _update(planes: Floats3, row: int, columns: int, steps: Floats1, turns: Floats1, parts: Floats3) -> None:
     """Advance solution, residual and direction of one row, and add its (r, r) to `parts`."""
     for field in range(SOLVED):
         step, turn = steps[field], turns[field]
@@ -120,7 +111,7 @@ def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns
 
 
 @kernel
-def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
+def _apply(weights: Floats3, planes: Floats3, row: int, columns: int, parts: Floats3) -> None:
     """Apply the matrix to the directions of one row, and add its other three products to `parts`."""
     for field in range(SOLVED):
         plane = DIRECTION + field
@@ -144,7 +135,7 @@ def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, part
 
 
 @kernel
-def around(weights: FloatArray, row: int, column: int, near: tuple[Lanes | Scalar, ...]) -> Lanes:
+def around(weights: Floats3, row: int, column: int, near: tuple[Lanes | Scalar, ...]) -> Lanes:
     """The sum over eight neighbours of c[n, n'] times a value at n', in the order of their names here."""
     right, left, below, above, below_right, above_left, below_left, above_right = near
     return (

@@ -12,11 +12,10 @@ rows of a DCT are even or odd, so sums and differences of opposite pixels halve 
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray, IndexArray
-
+from .arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Scalar, Single
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, tile_at, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, square_root, store, where_less
+from .lanes import WIDTH, Lanes, greater, load, quotient, square_root, store, where_less
 from .pieces import tiles
 
 _ROWS, _COLUMNS = 256, 512  # of a window; chosen for speed
@@ -24,28 +23,24 @@ _STEP = 2  # pixels from one block to the next, down and across; chosen: one tak
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-20)  # variance; sums of weights, which are up to 2000 times its inverse, stay finite
 
-Area = tuple[int, int, int, int]
 Model = tuple[Scalar, Scalar, Scalar]
 """(shot, read, threshold), as `denoise` takes them."""
-Memory = tuple[FloatArray, FloatArray, FloatArray]
+Memory = tuple[Floats3, Floats3, Floats3]
 """What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
-@parallel_kernel(
-    "f4[:, ::1], b1[:, ::1], (i8, i8), i8[::1], f4[:, :, ::1], f4, f4, f4, f4[:, ::1]",
-    pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)),
-)
+@parallel_kernel(pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)))
 def denoise(
     pieces: Pieces,
-    noisy: FloatArray,
-    uncertain: BoolArray,
-    rows: tuple[int, int],
-    sizes: IndexArray,
-    transforms: FloatArray,
-    shot: Scalar,
-    read: Scalar,
-    threshold: Scalar,
-    out: FloatArray,
+    noisy: Floats2,
+    uncertain: Bools2,
+    rows: Pair,
+    sizes: Ints1,
+    transforms: Floats3,
+    shot: Single,
+    read: Single,
+    threshold: Single,
+    out: Floats2,
 ) -> None:
     """Denoise rows[0] to rows[1] of a frame.
 
@@ -97,9 +92,7 @@ def _place(column: int, half: int) -> int:
 
 
 @kernel
-def _aggregate(
-    memory: Memory, guided: bool, area: Area, first: int, sizes: IndexArray, transforms: FloatArray, model: Model
-) -> None:
+def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints1, transforms: Floats3, model: Model) -> None:
     """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column.
 
     first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
@@ -141,7 +134,7 @@ def _aggregate(
 
 
 @kernel
-def _down(plane: FloatArray, row: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
+def _down(plane: Floats2, row: int, size: int, transform: Floats2, folded: Floats2, out: Floats2) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     half = size // 2
     for column in range(0, plane.shape[1], 2 * WIDTH):
@@ -161,9 +154,7 @@ def _down(plane: FloatArray, row: int, size: int, transform: FloatArray, folded:
 
 
 @kernel
-def _products(
-    folded: FloatArray, size: int, transform: FloatArray, frequency: int, first: int
-) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+def _products(folded: Floats2, size: int, transform: Floats2, frequency: int, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Two frequencies, the second one two above the first, of two vectors side by side in `folded` from row `first` on.
 
     The sums of more do not fit in the registers of AVX2.
@@ -177,7 +168,7 @@ def _products(
 
 
 @kernel
-def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
+def _across(halves: Floats2, column: int, size: int, transform: Floats2, folded: Floats2, out: Floats2) -> None:
     """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
     half, apart = size // 2, halves.shape[1] // _STEP
     for k in range(0, size, 2):
@@ -198,7 +189,7 @@ def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, f
 
 
 @kernel
-def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
+def _hard(block: Floats3, size: int, model: Model) -> Lanes:
     """Set the coefficients below the threshold to 0, except the mean. Returns the weight."""
     variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
     limit = variance * (threshold * threshold)
@@ -212,7 +203,7 @@ def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
 
 
 @kernel
-def _wiener(block: FloatArray, size: int, model: Model) -> Lanes:
+def _wiener(block: Floats3, size: int, model: Model) -> Lanes:
     """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight, as `_hard` does."""
     variance = _variance(load(block, (2, 0, 0)), size, model)
     kept = variance * _NONE + _ONE
@@ -240,7 +231,7 @@ def _variance(mean: Lanes, size: int, model: Model) -> Lanes:
 
 
 @kernel
-def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weight: Lanes, out: FloatArray) -> None:
+def _back(block: Floats2, column: int, size: int, transform: Floats2, weight: Lanes, out: Floats2) -> None:
     """Add sixteen weighted blocks, transformed back horizontally, to the half-transformed row.
 
     The loop goes pixel by pixel, with all frequencies of each: a store that overlaps the previous one would wait for it.
@@ -261,7 +252,7 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
 
 
 @kernel
-def _up(half: FloatArray, light: FloatArray, row: int, size: int, transform: FloatArray, planes: FloatArray) -> None:
+def _up(half: Floats2, light: Floats1, row: int, size: int, transform: Floats2, planes: Floats3) -> None:
     """Add a row of blocks, transformed back vertically, to the picture: to the planes `sums` and `weights`."""
     sums, weights = planes[2], planes[3]
     for column in range(0, light.shape[0], WIDTH):

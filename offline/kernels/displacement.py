@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
-
+from .arrays import Doubles1, Doubles3, Floats2, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .interpolation import interpolated
-from .lanes import Scalar
 
 _HALF, _ONE = np.float32(0.5), np.float32(1)
 
@@ -14,20 +12,17 @@ SUMS = 14
 """How many sums a tile has: 1, gy, gx, gy gy, gy gx, gx gx, e, gy e, gx e, e e, r, f, r r, r f, in this order."""
 
 
-@parallel_kernel(
-    "f4[:, ::1], f4[:, ::1], i8[::1], i8[::1], (f8, f8, f8, f8), f8[:, :, ::1], f8, f8[:, :, ::1]",
-    pieces=lambda *given: given[-1].shape[0] * given[-1].shape[1],
-)
+@parallel_kernel(pieces=lambda *given: given[-1].shape[0] * given[-1].shape[1])
 def displacement_sums(
     pieces: Pieces,
-    reference: FloatArray,
-    frame: FloatArray,
-    rows: IndexArray,
-    columns: IndexArray,
+    reference: Floats2,
+    frame: Floats2,
+    rows: Ints1,
+    columns: Ints1,
     turn: tuple[float, float, float, float],
-    starts: DoubleArray,
+    starts: Doubles3,
     gain: float,
-    sums: DoubleArray,
+    sums: Doubles3,
 ) -> None:
     """Compare the pixels of tiles with the places where a motion says that they lie in another frame.
 
@@ -54,14 +49,14 @@ def displacement_sums(
 
 @kernel
 def _add_row(
-    reference: FloatArray,
-    frame: FloatArray,
+    reference: Floats2,
+    frame: Floats2,
     y: int,
-    columns: tuple[int, int],
+    columns: Pair,
     turn: tuple[float, float, float, float],
     start: tuple[float, float],
     part: Scalar,
-    total: DoubleArray,
+    total: Doubles1,
 ) -> None:
     """Add the pixels of a row of a tile, columns[0] to columns[1], to its sums."""
     height, width = frame.shape

@@ -5,22 +5,20 @@ an exponential is computed once per pixel and direction, not once per pair.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-
+from .arrays import Floats1, Floats2, Floats3, Ints1, Scalar
 from .compile import kernel
 from .functions import exponential, zeros
-from .lanes import WIDTH, Scalar, load, store
+from .lanes import WIDTH, load, store
 
 _NONE = np.float32(0)
 
-Filters = tuple[FloatArray, FloatArray, NDArray[np.intp]]
-Filter = tuple[FloatArray, FloatArray, int]
+Filters = tuple[Floats2, Floats2, Ints1]
+Filter = tuple[Floats1, Floats1, int]
 
 
 @kernel
-def transmission(light: FloatArray, period: int, filters: Filters, through: FloatArray) -> None:
+def transmission(light: Floats2, period: int, filters: Filters, through: Floats3) -> None:
     """Compute exp(-e_h) and exp(-e_v) of a window of whole patches. A patch without gradients has a transmission of 1.
 
     light: luminance of the window, with `reach` more pixels on every side and 3 WIDTH columns of slack at the right.
@@ -51,7 +49,7 @@ def transmission(light: FloatArray, period: int, filters: Filters, through: Floa
 
 
 @kernel
-def _filter_down(light: FloatArray, row: int, columns: int, pair: Filter, smoothed: FloatArray, sloped: FloatArray) -> None:
+def _filter_down(light: Floats2, row: int, columns: int, pair: Filter, smoothed: Floats1, sloped: Floats1) -> None:
     """Apply the vertical halves of both filters to one row.
 
     The slope is a sum of differences of symmetric pairs, so that flat input gives exactly 0.
@@ -69,9 +67,7 @@ def _filter_down(light: FloatArray, row: int, columns: int, pair: Filter, smooth
 
 
 @kernel
-def _add_energy(
-    smoothed: FloatArray, sloped: FloatArray, columns: int, reach: int, pair: Filter, energy: FloatArray, row: int
-) -> None:
+def _add_energy(smoothed: Floats1, sloped: Floats1, columns: int, reach: int, pair: Filter, energy: Floats3, row: int) -> None:
     """Apply the horizontal halves: add |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
     smooth, slope, radius = pair
     for column in range(0, columns, WIDTH):
@@ -85,7 +81,7 @@ def _add_energy(
 
 
 @kernel
-def _over_mean(energy: FloatArray, columns: int, period: int, relative: FloatArray) -> None:
+def _over_mean(energy: Floats3, columns: int, period: int, relative: Floats2) -> None:
     """Write -1 / (mean energy of the patch) to all columns of each patch in a row of patches (errata: the mean, not the sum).
 
     Two patches at a time, both axes: each sum has to wait for its last element, four are as fast as one.

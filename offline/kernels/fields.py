@@ -6,8 +6,7 @@ pin the fields at every corner of every patch, so influence falls about tenfold 
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
-
+from .arrays import Bools1, Bools2, Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from .compile import Pieces, kernel, parallel_kernel
 from .conjugate import APPLIED, DIRECTION, MARGIN, RESIDUAL, SOLVED, around, conjugate_gradients
 from .edges import Filters, transmission
@@ -20,24 +19,21 @@ _LEAST = np.float32(1e-37)
 _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 
-@parallel_kernel(
-    "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, (i8, i8), i8, f4[:, :, ::1], "
-    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), f4[:, :, ::1], f8[::1], i8[::1]"
-)
+@parallel_kernel()
 def solve_regions(
     pieces: Pieces,
-    luminance: FloatArray,
-    places: tuple[IndexArray, IndexArray],
+    luminance: Floats2,
+    places: tuple[Ints1, Ints1],
     patches: tuple[int, int, int],
     period: int,
-    core: tuple[int, int],
+    core: Pair,
     halo: int,
-    pins: FloatArray,
+    pins: Floats3,
     filters: Filters,
     limits: tuple[float, int],
-    fields: FloatArray,
-    residuals: DoubleArray,
-    used: IndexArray,
+    fields: Floats3,
+    residuals: Doubles1,
+    used: Ints1,
 ) -> None:
     """Solve the fields of some rows of patches.
 
@@ -94,7 +90,7 @@ def _width(columns: int) -> int:
 
 
 @kernel
-def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
+def _gather(source: Floats1, places: Ints1, row: Floats1) -> None:
     """Store the elements of a row of the frame that `places` names."""
     for column in range(0, len(places), WIDTH):
         first, end = places[column], min(column + WIDTH, len(places))
@@ -106,7 +102,7 @@ def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
 
 
 @kernel
-def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
+def _frame(planes: Floats3, size: Pair) -> None:
     """Surround the rows and columns of a region by zeros."""
     width = planes.shape[2]
     for plane in range(len(planes)):
@@ -119,7 +115,7 @@ def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
 
 
 @kernel
-def _pinned(pins: FloatArray) -> BoolArray:
+def _pinned(pins: Floats3) -> Bools2:
     """Whether any pixel of a row of the region, or of the rows around it, is pinned: per plane and row of `pins`."""
     planes, rows, columns = pins.shape
     found = np.zeros((planes, rows), np.bool_)
@@ -135,14 +131,7 @@ def _pinned(pins: FloatArray) -> BoolArray:
 
 @kernel
 def _start(
-    through: FloatArray,
-    place: tuple[int, int],
-    size: tuple[int, int],
-    pins: FloatArray,
-    pinned: BoolArray,
-    weights: FloatArray,
-    scale: FloatArray,
-    unknowns: FloatArray,
+    through: Floats3, place: Pair, size: Pair, pins: Floats3, pinned: Bools2, weights: Floats3, scale: Floats2, unknowns: Floats3
 ) -> float:
     """Set up the system: weights, scaling and the residuals of the start. All planes are a region in a frame of zeros.
 
@@ -172,7 +161,7 @@ def _start(
 
 
 @kernel
-def _weigh(through: FloatArray, row: int, columns: int, weights: FloatArray) -> None:
+def _weigh(through: Floats3, row: int, columns: int, weights: Floats3) -> None:
     """Compute the weights of Eq. 12 of one row."""
     for column in range(MARGIN, MARGIN + columns, WIDTH):
         h, v = load(through, (0, row, column)), load(through, (1, row, column))
@@ -186,7 +175,7 @@ def _weigh(through: FloatArray, row: int, columns: int, weights: FloatArray) -> 
 
 
 @kernel
-def _root(weights: FloatArray, row: int, columns: int, pins: FloatArray, scale: FloatArray) -> None:
+def _root(weights: Floats3, row: int, columns: int, pins: Floats1, scale: Floats2) -> None:
     """Compute the scaling of one row. pins: 1 at its pinned pixels."""
     for column in range(MARGIN, MARGIN + columns, WIDTH):
         degree = around(weights, row, column, _ONES)
@@ -197,7 +186,7 @@ def _root(weights: FloatArray, row: int, columns: int, pins: FloatArray, scale: 
 
 
 @kernel
-def _scale(weights: FloatArray, scale: FloatArray, row: int, columns: int) -> None:
+def _scale(weights: Floats3, scale: Floats2, row: int, columns: int) -> None:
     """Scale the weights of one row."""
     for column in range(MARGIN, MARGIN + columns, WIDTH):
         here = load(scale, (row, column))
@@ -209,22 +198,22 @@ def _scale(weights: FloatArray, scale: FloatArray, row: int, columns: int) -> No
 
 
 @kernel
-def _phase(place: tuple[int, int], period: int) -> int:
+def _phase(place: Pair, period: int) -> int:
     """The column of `pins` that belongs to a region's first column; there are further columns to its left."""
     return 2 * period + place[1] % (2 * period)
 
 
 @kernel
 def _pull(
-    weights: FloatArray,
-    scale: FloatArray,
+    weights: Floats3,
+    scale: Floats2,
     row: int,
     columns: int,
-    pins: FloatArray,
-    pinned: BoolArray,
-    corner: tuple[int, int],
-    residuals: FloatArray,
-    squares: FloatArray,
+    pins: Floats3,
+    pinned: Bools1,
+    corner: Pair,
+    residuals: Floats3,
+    squares: Floats2,
 ) -> None:
     """Compute the residuals of one row, and add the squares of its right-hand sides to `squares`.
 
@@ -244,9 +233,7 @@ def _pull(
 
 
 @kernel
-def _pulled(
-    weights: FloatArray, row: int, column: int, pins: FloatArray, field: int, above: int, at: int, below: int, x: int
-) -> Lanes:
+def _pulled(weights: Floats3, row: int, column: int, pins: Floats3, field: int, above: int, at: int, below: int, x: int) -> Lanes:
     """The sum over the pinned neighbours of c[n, n'] times their value: the right-hand side, before scaling."""
     near = (
         load(pins, (field, at, x + 1)),
@@ -263,14 +250,7 @@ def _pulled(
 
 @kernel
 def _finish(
-    solution: FloatArray,
-    scale: FloatArray,
-    pins: FloatArray,
-    place: tuple[int, int],
-    inner: tuple[int, int],
-    size: tuple[int, int],
-    fields: FloatArray,
-    corner: tuple[int, int],
+    solution: Floats3, scale: Floats2, pins: Floats3, place: Pair, inner: Pair, size: Pair, fields: Floats3, corner: Pair
 ) -> None:
     """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance.
 

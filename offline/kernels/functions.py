@@ -4,8 +4,9 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
+from .arrays import Area, Floats1, Pair, Scalar
 from .compile import kernel
-from .lanes import BYTES, WIDTH, Lanes, Scalar, greater, root_seed, times_power
+from .lanes import BYTES, WIDTH, Lanes, greater, root_seed, times_power
 
 # x^(-1/2) from its seed y: r = x y^2 is within 0.875 .. 0.993, and y times this cubic in r is off by 5.4e-7 at most (minimax fit).
 _ROOT0, _ROOT1, _ROOT2, _ROOT3 = (np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887085))
@@ -48,7 +49,7 @@ def mirrored(index: int, size: int) -> int:
 
 
 @kernel
-def tile_at(number: int, shape: tuple[int, int], tile: tuple[int, int]) -> tuple[int, int, int, int]:
+def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
     """First row, end, first column and end of one of the tiles that cover a shape, row by row: as many as `pieces.tiles` says."""
     along = (shape[1] + tile[1] - 1) // tile[1]
     top, left = number // along * tile[0], number % along * tile[1]
@@ -74,7 +75,7 @@ def unset(*shape: int) -> FloatArray:
 
 
 @kernel
-def _aligned(buffer: FloatArray, size: int) -> FloatArray:
+def _aligned(buffer: Floats1, size: int) -> Floats1:
     """The part of a buffer that begins where a vector does."""
     first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
     return buffer[first : first + size]

@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray
-
+from .arrays import Bools2, Doubles1, Floats2, Frozen2
 from .compile import Pieces, parallel_kernel
 from .interpolation import cubic_taps
 
 _TAPS = 4
 
 
-@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]")
-def interpolate(pieces: Pieces, values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
+@parallel_kernel()
+def interpolate(pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
     values: (rows, columns), the samples; the first lies at the pixel `first`.
@@ -38,17 +37,17 @@ def interpolate(pieces: Pieces, values: FloatArray, first: tuple[float, float], 
             plane[row, column] = total
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]")
+@parallel_kernel()
 def raise_clipped(
     pieces: Pieces,
-    signal: FloatArray,
-    panchromatic: BoolArray,
+    signal: Frozen2,
+    panchromatic: Bools2,
     clipping: float,
     tolerance: float,
-    plane: FloatArray,
-    fall: DoubleArray,
+    plane: Floats2,
+    fall: Doubles1,
     faint: float,
-    result: FloatArray,
+    result: Floats2,
 ) -> None:
     """Estimate what the clipped panchromatic samples would have read; never less than the clipped sample.
 

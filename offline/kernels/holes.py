@@ -7,13 +7,11 @@ leaves, the kernel synthesises what shrinkage removes and subtracts it from the 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-
+from .arrays import Floats1, Floats2, Floats3, Floats4, Frozen2, Ints1, Ints2, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import scaled_reciprocal_root, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, store, total, where_less
+from .lanes import WIDTH, Lanes, greater, lesser, load, store, total, where_less
 
 REACH = 4
 """Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
@@ -24,22 +22,20 @@ _NONE, _ONE = np.float32(0), np.float32(1)
 _NINE = np.float32(9.001)  # coefficients of a neighbourhood; more than rounding can hide
 
 
-@parallel_kernel(
-    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]"
-)
+@parallel_kernel()
 def fill_blocks(
     pieces: Pieces,
-    signal: FloatArray,
-    luminance: FloatArray,
-    first: tuple[int, int],
-    blocks: tuple[int, int],
+    signal: Frozen2,
+    luminance: Floats2,
+    first: Pair,
+    blocks: Pair,
     period: int,
-    extent: tuple[int, int],
-    holes: NDArray[np.intp],
-    response: FloatArray,
-    taps: FloatArray,
-    thresholds: FloatArray,
-    changes: FloatArray,
+    extent: Pair,
+    holes: Ints2,
+    response: Floats3,
+    taps: Floats2,
+    thresholds: Floats1,
+    changes: Floats1,
 ) -> None:
     """Write the filled holes of `blocks` (rows, columns) blocks to `luminance`.
 
@@ -76,9 +72,7 @@ def fill_blocks(
 
 
 @kernel
-def _gather(
-    signal: FloatArray, top: int, places: NDArray[np.intp], holes: NDArray[np.intp], window: FloatArray, values: FloatArray
-) -> None:
+def _gather(signal: Floats2, top: int, places: Ints1, holes: Ints2, window: Floats3, values: Floats2) -> None:
     """Copy the surroundings of the blocks at row `top` to `window`, one block per lane, and the samples of holes to `values`."""
     for down in range(window.shape[0]):
         for across in range(window.shape[1]):
@@ -92,7 +86,7 @@ def _gather(
 
 
 @kernel
-def _decompose(window: FloatArray, taps: FloatArray, half: FloatArray, fixed: FloatArray, energy: FloatArray) -> None:
+def _decompose(window: Floats3, taps: Floats2, half: Floats4, fixed: Floats2, energy: Floats4) -> None:
     """Compute the high-pass coefficients without the holes: to `fixed` those that holes add to, to `energy` the squares of all.
 
     half: (2, energy's rows, the window's columns, lanes), for what is filtered vertically alone, by each row of `taps`.
@@ -121,13 +115,7 @@ def _decompose(window: FloatArray, taps: FloatArray, half: FloatArray, fixed: Fl
 
 @kernel
 def _iterate(
-    fixed: FloatArray,
-    energy: FloatArray,
-    response: FloatArray,
-    thresholds: FloatArray,
-    removed: FloatArray,
-    values: FloatArray,
-    before: FloatArray,
+    fixed: Floats2, energy: Floats4, response: Floats3, thresholds: Floats1, removed: Floats2, values: Floats2, before: Floats2
 ) -> None:
     """Run Eqs. 3-5 on the `values` of the holes, one iteration per threshold; `before`: what they were before the last one."""
     rows, columns, last = energy.shape[1] - 2, energy.shape[2] - 2, response.shape[1] - 1
@@ -169,7 +157,7 @@ def _iterate(
 
 
 @kernel
-def _shrink(energy: FloatArray, threshold: Scalar, removed: FloatArray) -> None:
+def _shrink(energy: Floats4, threshold: Scalar, removed: Floats2) -> None:
     """Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood) of a coefficient, at most everything."""
     place = 0
     for band in range(_BANDS):
@@ -184,7 +172,7 @@ def _shrink(energy: FloatArray, threshold: Scalar, removed: FloatArray) -> None:
 
 
 @kernel
-def _removes_all(energy: FloatArray, threshold: Scalar) -> bool:
+def _removes_all(energy: Floats4, threshold: Scalar) -> bool:
     """Whether no neighbourhood of nine coefficients can have a norm above the threshold, in any lane."""
     most = load(energy, (0, 0, 0, 0))
     for band in range(_BANDS):
@@ -196,13 +184,13 @@ def _removes_all(energy: FloatArray, threshold: Scalar) -> bool:
 
 
 @kernel
-def _four(values: FloatArray, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+def _four(values: Floats2, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Four rows of `values`."""
     return load(values, (first, 0)), load(values, (first + 1, 0)), load(values, (first + 2, 0)), load(values, (first + 3, 0))
 
 
 @kernel
-def _down(energy: FloatArray, band: int, row: int, column: int) -> Lanes:
+def _down(energy: Floats4, band: int, row: int, column: int) -> Lanes:
     """Sum of three vertically adjacent squares."""
     return (
         load(energy, (band, row, column, 0)) + load(energy, (band, row + 1, column, 0)) + load(energy, (band, row + 2, column, 0))

@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from .arrays import Floats2, Scalar
 from .compile import kernel
-from .lanes import Scalar
 
 _NONE = np.float32(0)
 
@@ -13,7 +11,7 @@ Taps = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 @kernel
-def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
+def interpolated(plane: Floats2, y: Scalar, x: Scalar) -> Scalar:
     """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
     top, left = int(np.floor(y)), int(np.floor(x))
     down, along = cubic_taps(np.float32(y - top)), cubic_taps(np.float32(x - left))

@@ -19,6 +19,7 @@ from numba.extending import lower_builtin, models, register_model
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
+from .arrays import Scalar
 from .compile import intrinsic
 
 BYTES = 64
@@ -27,7 +28,6 @@ WIDTH = BYTES // 4
 
 Values: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
 Index: TypeAlias = int | tuple[int, ...]
-Scalar: TypeAlias = float | np.floating[Any]
 
 
 class Lanes:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from .arrays import Floats1, Floats2, Floats3
 from .compile import Pieces, parallel_kernel
 from .functions import unset
 
@@ -11,18 +10,18 @@ _LEAST_SHARE = np.float32(1e-3)  # of a line, below which a pixel stays as it is
 _NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
-@parallel_kernel("f4[:, ::1], f4[:, :, ::1], f4[:, :, ::1], (f8, f8), i8, f4[::1], f8, f8, f4[:, :, ::1]")
+@parallel_kernel()
 def lead_to_lines(
     pieces: Pieces,
-    light: FloatArray,
-    colour: FloatArray,
-    lines: FloatArray,
+    light: Floats2,
+    colour: Floats3,
+    lines: Floats3,
     first: tuple[float, float],
     period: int,
-    gamma: FloatArray,
+    gamma: Floats1,
     dark: float,
     even: float,
-    out: FloatArray,
+    out: Floats3,
 ) -> None:
     """Take chromaticities to those of lines that are interpolated between blocks.
 

@@ -9,11 +9,9 @@ import math
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-
+from .arrays import Doubles1, Doubles2, Doubles3, Floats2, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import zeros
-from .lanes import Scalar
 
 Prior = tuple[float, float, float]
 """Smoothness and fading, relative to the precision of a sample, and the difference of luminance, scene units, that is an edge."""
@@ -23,7 +21,7 @@ _NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 @kernel
-def link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
+def link(light: Floats2, prior: Prior, links: Floats3) -> None:
     """How much each pixel is to be like those to the right, below, below right and below left; little across edges."""
     rows, columns = light.shape
     stiff, per_edge = np.float32(prior[0]), np.float32(1 / prior[2] ** 2)
@@ -38,7 +36,7 @@ def link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
 
 @kernel
 def solve(
-    normal: FloatArray, right_side: FloatArray, links: FloatArray, fading: Scalar, tolerance: float, solution: FloatArray
+    normal: Floats3, right_side: Floats3, links: Floats3, fading: Scalar, tolerance: float, solution: Floats3
 ) -> tuple[float, int]:
     """Solve by conjugate gradients until the residual, in the norm of the preconditioner, is `tolerance` of what it was.
 
@@ -91,7 +89,7 @@ def solve(
 
 
 @kernel
-def _beside(row: int, column: int, side: int) -> tuple[int, int]:
+def _beside(row: int, column: int, side: int) -> Pair:
     """The pixel that a link leads to: to the right, below, below right and below left."""
     return row + (1 if side else 0), column + (1 if side in (0, 2) else -1 if side == 3 else 0)
 
@@ -103,7 +101,7 @@ def _cells(size: int) -> int:
 
 
 @kernel
-def _factorise(normal: FloatArray, links: FloatArray, fading: Scalar, factor: DoubleArray) -> None:
+def _factorise(normal: Floats2, links: Floats3, fading: Scalar, factor: Doubles2) -> None:
     """Write the Cholesky factor of the system for the squares of one plane to `factor`, zeros at first."""
     rows, columns = normal.shape
     along = _cells(columns)
@@ -130,7 +128,7 @@ def _factorise(normal: FloatArray, links: FloatArray, fading: Scalar, factor: Do
 
 
 @kernel
-def _improve(residual: FloatArray, scale: FloatArray, factors: DoubleArray, better: FloatArray) -> float:
+def _improve(residual: Floats3, scale: Floats3, factors: Doubles3, better: Floats3) -> float:
     """Write the residual times the preconditioner to `better`. Returns the product of both."""
     parts, rows, columns = residual.shape
     along, squared = _cells(columns), 0.0
@@ -151,7 +149,7 @@ def _improve(residual: FloatArray, scale: FloatArray, factors: DoubleArray, bett
 
 
 @kernel
-def _substitute(factor: DoubleArray, band: int, values: DoubleArray) -> None:
+def _substitute(factor: Doubles2, band: int, values: Doubles1) -> None:
     """Solve, in place, the system whose banded Cholesky factor this is."""
     for row in range(len(values)):
         for column in range(max(row - band, 0), row):
@@ -164,9 +162,7 @@ def _substitute(factor: DoubleArray, band: int, values: DoubleArray) -> None:
 
 
 @kernel
-def _apply(
-    normal: FloatArray, links: FloatArray, degree: FloatArray, fading: Scalar, direction: FloatArray, applied: FloatArray
-) -> None:
+def _apply(normal: Floats3, links: Floats3, degree: Floats2, fading: Scalar, direction: Floats3, applied: Floats3) -> None:
     """Multiply the matrix of the normal equations and of the prior with a direction."""
     parts, rows, columns = direction.shape
     for part in range(parts):

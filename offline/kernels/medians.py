@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, IndexArray
-
+from .arrays import Bools1, Doubles1, Doubles2, Doubles3, Ints1
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored
 from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
@@ -16,9 +15,9 @@ _FIVE = 5  # taps, as in the paper: those have a network of comparisons of their
 _FAR = np.float64(np.inf)
 
 
-@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1], b1[::1]")
+@parallel_kernel()
 def oriented_median(
-    pieces: Pieces, before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray, found: BoolArray
+    pieces: Pieces, before: Doubles3, after: Doubles3, columns: int, taps: int, changed: Bools1, found: Bools1
 ) -> None:
     """Replace each vector by whichever of its four oriented 1-D medians is nearest to it.
 
@@ -47,7 +46,7 @@ def oriented_median(
 
 
 @kernel
-def _row_of_medians(before: DoubleArray, after: DoubleArray, row: int, near: IndexArray, columns: int, taps: int) -> None:
+def _row_of_medians(before: Doubles3, after: Doubles3, row: int, near: Ints1, columns: int, taps: int) -> None:
     channels, half = before.shape[0], taps // 2
     medians, chosen = np.empty((channels, _LANES)), np.zeros((2, channels, _LANES))
     line = np.empty((taps, _LANES))
@@ -89,7 +88,7 @@ def _median_of_five(a: Lanes, b: Lanes, c: Lanes, d: Lanes, e: Lanes) -> Lanes:
 
 
 @kernel
-def _median(line: DoubleArray) -> Lanes:
+def _median(line: Doubles2) -> Lanes:
     """Median of the rows of `line`, by bubble-sorting the larger half to the end."""
     taps = len(line)
     for end in range(taps - 1, taps // 2 - 1, -1):
@@ -101,7 +100,7 @@ def _median(line: DoubleArray) -> Lanes:
 
 
 @kernel
-def _mirror(row: DoubleArray, columns: int, half: int) -> None:
+def _mirror(row: Doubles1, columns: int, half: int) -> None:
     for step in range(1, half + 1):
         row[half - step] = row[half + mirrored(-step, columns)]
         row[half + columns - 1 + step] = row[half + mirrored(columns - 1 + step, columns)]

@@ -8,14 +8,12 @@ nothing is changed, so that noise stays averaged and detail gets sharp.
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
-
 from ..gaussian import gaussian
+from .arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Floats4, Ints2, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import tile_at, zeros
 from .interpolation import interpolated
-from .lanes import Scalar
-from .motions import Area, Motions, back, bounds, there
+from .motions import Motions, back, bounds, there
 from .pieces import tiles
 from .smoothing import smooth_rows
 
@@ -29,24 +27,20 @@ _MOST = 1e6  # relative precision, so that its square is a float: frames 10 stop
 _ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], u1[:, :, ::1], f8[:, ::1], b1[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), i8[:, ::1], i8, "
-    "f4[:, ::1], f4[:, ::1], f4[:, :, :, ::1], f4[:, :, :, ::1]",
-    pieces=lambda *given: tiles(given[7].shape, (_ROWS, _COLUMNS)),
-)
+@parallel_kernel(pieces=lambda *given: tiles(given[7].shape, (_ROWS, _COLUMNS)))
 def merge(
     pieces: Pieces,
-    planes: FloatArray,
-    agreement: ByteArray,
-    noise: DoubleArray,
-    panchromatic: BoolArray,
+    planes: Floats3,
+    agreement: Bytes3,
+    noise: Doubles2,
+    panchromatic: Bools2,
     motions: Motions,
-    sites: IndexArray,
+    sites: Ints2,
     period: int,
-    merged: FloatArray,
-    variance: FloatArray,
-    light: FloatArray,
-    weight: FloatArray,
+    merged: Floats2,
+    variance: Floats2,
+    light: Floats4,
+    weight: Floats4,
 ) -> None:
     """Merge the frames of a burst.
 
@@ -75,8 +69,8 @@ def merge(
         _light_at_sites(fine, agreement, motions, sites, period, area, core, light, weight)
 
 
-@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]")
-def displace(pieces: Pieces, plane: FloatArray, motions: Motions, out: FloatArray) -> None:
+@parallel_kernel()
+def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
     """A frame as the reference would see it.
 
     plane: (H, W). motions: one.
@@ -92,9 +86,9 @@ def displace(pieces: Pieces, plane: FloatArray, motions: Motions, out: FloatArra
 
 @kernel
 def _start(
-    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions,
-    area: Area, core: Area, variance: FloatArray,
-) -> FloatArray:  # fmt: skip
+    planes: Floats3, agreement: Bytes3, noise: Doubles2, panchromatic: Bools2, motions: Motions,
+    area: Area, core: Area, variance: Floats2
+) -> Floats2:  # fmt: skip
     """The mean of the interpolated frames on the grid of half pixels of an area; and `variance` in its core."""
     rows, columns = area[1] - area[0], area[3] - area[2]
     mean, totals, spreads = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
@@ -128,7 +122,7 @@ def _start(
 
 
 @kernel
-def _precision(noise: DoubleArray, frame: int, light: Scalar) -> float:
+def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
     reference = noise[0, 0] * light + noise[0, 1]
     if not reference > 0:
@@ -138,7 +132,7 @@ def _precision(noise: DoubleArray, frame: int, light: Scalar) -> float:
 
 
 @kernel
-def _measured(panchromatic: BoolArray, y: float, x: float) -> float:
+def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     """How far light interpolated at a place of a frame is measured there, 0 to 1."""
     y, x = min(max(y, 0.0), panchromatic.shape[0] - 1.001), min(max(x, 0.0), panchromatic.shape[1] - 1.001)
     top, left = int(y), int(x)
@@ -150,9 +144,7 @@ def _measured(panchromatic: BoolArray, y: float, x: float) -> float:
 
 
 @kernel
-def _samples(
-    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions, area: Area
-) -> FloatArray:
+def _samples(planes: Floats3, agreement: Bytes3, noise: Doubles2, panchromatic: Bools2, motions: Motions, area: Area) -> Floats2:
     """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value, weight, variance."""
     frames, height, width = planes.shape
     found = np.empty((frames * (area[1] - area[0] + 2) * (area[3] - area[2] + 2), 5), np.float32)
@@ -178,7 +170,7 @@ def _samples(
 
 
 @kernel
-def _sharpen(fine: FloatArray, samples: FloatArray, noisy: bool) -> None:
+def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
@@ -210,7 +202,7 @@ def _sharpen(fine: FloatArray, samples: FloatArray, noisy: bool) -> None:
 
 
 @kernel
-def _splat(plane: FloatArray, y: Scalar, x: Scalar, value: Scalar) -> None:
+def _splat(plane: Floats2, y: Scalar, x: Scalar, value: Scalar) -> None:
     """Add a value to the four places around (y, x)."""
     top, left = min(int(y), plane.shape[0] - 2), min(int(x), plane.shape[1] - 2)
     down, across = y - np.float32(top), x - np.float32(left)
@@ -222,8 +214,8 @@ def _splat(plane: FloatArray, y: Scalar, x: Scalar, value: Scalar) -> None:
 
 @kernel
 def _light_at_sites(
-    fine: FloatArray, agreement: ByteArray, motions: Motions, sites: IndexArray, period: int,
-    area: Area, core: Area, light: FloatArray, weight: FloatArray,
+    fine: Floats2, agreement: Bytes3, motions: Motions, sites: Ints2, period: int,
+    area: Area, core: Area, light: Floats4, weight: Floats4
 ) -> None:  # fmt: skip
     """Luminance at the colour samples that lie in the core of an area, and how far their frames agree there."""
     for frame in range(len(agreement)):

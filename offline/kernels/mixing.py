@@ -2,36 +2,32 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
-
+from .arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import unset, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
+from .lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
 
 CLASSES = 4
 """Parities of block row and column: the blocks around a pixel are one of each."""
 _NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
-Places = tuple[IndexArray, IndexArray]
+Places = tuple[Ints1, Ints1]
 Weighting = tuple[Scalar, Scalar]
 """(softness, likeness), see `PropagationSettings`."""
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), (f8, f8), f4[:, :, ::1]",
-    pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2],
-)
+@parallel_kernel(pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2])
 def mix(
     pieces: Pieces,
-    fields: FloatArray,
-    blocks: FloatArray,
-    luminance: FloatArray,
+    fields: Floats3,
+    blocks: Floats3,
+    luminance: Floats2,
     places: Places,
     first: int,
-    corner: tuple[int, int],
+    corner: Pair,
     weighting: tuple[float, float],
-    out: FloatArray,
+    out: Floats3,
 ) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
@@ -72,9 +68,7 @@ def mix(
 
 
 @kernel
-def _expand(
-    blocks: FloatArray, luminance: FloatArray, places: Places, patch: int, period: int, light: FloatArray, colour: FloatArray
-) -> None:
+def _expand(blocks: Floats3, luminance: Floats2, places: Places, patch: int, period: int, light: Floats2, colour: Floats3) -> None:
     """Repeat light and colour of each class's corner over its patch; the last plane of `colour` is the mean of the four corners."""
     rows, columns = places
     one = load(np.ones(WIDTH, np.float32), 0)
@@ -98,20 +92,14 @@ def _expand(
 
 
 @kernel
-def _corner(kind: int, patch: int, across: int) -> tuple[int, int]:
+def _corner(kind: int, patch: int, across: int) -> Pair:
     """Which corner of a patch a class is at: 0 or 1 down, 0 or 1 to the right."""
     return (kind // 2 - patch) % 2, (kind % 2 - across) % 2
 
 
 @kernel
 def _mix_row(
-    alpha: FloatArray,
-    columns: int,
-    light: FloatArray,
-    colour: FloatArray,
-    here: FloatArray,
-    weighting: Weighting,
-    line: FloatArray,
+    alpha: Floats2, columns: int, light: Floats2, colour: Floats3, here: Floats1, weighting: Weighting, line: Floats2
 ) -> None:
     for column in range(0, columns, WIDTH):
         kappa0, kappa1, kappa2, kappa3 = (
@@ -133,7 +121,7 @@ def _mix_row(
 
 
 @kernel
-def _kappa(alpha: FloatArray, light: FloatArray, here: FloatArray, kind: int, column: int, weighting: Weighting) -> Lanes:
+def _kappa(alpha: Floats2, light: Floats2, here: Floats1, kind: int, column: int, weighting: Weighting) -> Lanes:
     """The weight of Eq. 14, before the four are scaled to a sum of one."""
     softness, likeness = weighting
     part, lit = load(alpha, (kind, column)), load(light, (kind, column))
@@ -145,8 +133,8 @@ def _kappa(alpha: FloatArray, light: FloatArray, here: FloatArray, kind: int, co
     return part * part * lit
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]")
-def colour(pieces: Pieces, chromaticity: FloatArray, luminance: FloatArray, out: FloatArray) -> None:
+@parallel_kernel()
+def colour(pieces: Pieces, chromaticity: Floats3, luminance: Floats2, out: Floats3) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
     for row in range(pieces[0], pieces[1]):
         for column in range(out.shape[1]):

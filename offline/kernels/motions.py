@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
 from shared.motion import ROUNDS
 
+from .arrays import Area, Doubles2, Doubles3, Floats4
 from .compile import kernel
 
-Motions = tuple[DoubleArray, DoubleArray, FloatArray]
+Motions = tuple[Doubles3, Doubles2, Floats4]
 """(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `Motion` has them."""
-Area = tuple[int, int, int, int]
-"""First and end row, first and end column."""
 
 
 @kernel
@@ -41,7 +39,7 @@ def back(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int
 
 
 @kernel
-def _shift(shifts: FloatArray, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
+def _shift(shifts: Floats4, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
     """The local shift at a point of the reference."""
     rows, columns = shifts.shape[1], shifts.shape[2]
     if rows < 2:

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
-
+from .arrays import Bools2, Doubles2, Doubles3, Floats1, Floats2, Frozen2, Ints1, Ints2, Pair, Scalar, StridedInts1
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
-from .lanes import WIDTH, Scalar, greater, lesser, load, square_root, store
+from .lanes import WIDTH, greater, lesser, load, square_root, store
 from .medians import ORIENTATIONS
 
 _NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast; chosen
@@ -19,20 +18,17 @@ _FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared:
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
 
-@parallel_kernel(
-    "const(f4[:, ::1]), f4[:, ::1], f8, f8, f8, (f8, f8), b1[:, ::1], b1[:, ::1]",
-    pieces=lambda *given: -(-len(given[-1]) // _STRIP),
-)
+@parallel_kernel(pieces=lambda *given: -(-len(given[-1]) // _STRIP))
 def find_outliers(
     pieces: Pieces,
-    signal: FloatArray,
-    gains: FloatArray,
+    signal: Frozen2,
+    gains: Floats2,
     contrast: float,
     deviations: float,
     floor: float,
     noise: tuple[float, float],
-    bad: BoolArray,
-    found: BoolArray,
+    bad: Bools2,
+    found: Bools2,
 ) -> None:
     """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain.
 
@@ -43,7 +39,7 @@ def find_outliers(
 
     signal: (H, W), scene units.
     gains: (K, K), the pattern from the frame's corner on: gamma at a colour site, 0 at a panchromatic one.
-    contrast, deviations, floor: see above and `DefectSettings`.
+    contrast, deviations, floor: see above and `DefectsSettings`.
     noise: (shot, read) of the panchromatic plane: variance = shot * signal + read**2.
     bad: bool (H, W), samples known to be bad, which are no neighbours.
     found: bool (H, W), marked samples are set.
@@ -66,7 +62,7 @@ def find_outliers(
 
 
 @kernel
-def _bounds(signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, most: FloatArray, least: FloatArray) -> None:
+def _bounds(signal: Floats2, gains: Floats2, bad: Bools2, row: int, most: Floats2, least: Floats2) -> None:
     """What the samples of a row say about luminance: it is at most `most`, at least `least`, as neighbours; infinite without."""
     place, period, width = row % 3, len(gains), signal.shape[1]
     for column in range(most.shape[1]):
@@ -83,13 +79,13 @@ def _bounds(signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, mos
 
 @kernel
 def _stand_out(
-    most: FloatArray,
-    least: FloatArray,
+    most: Floats2,
+    least: Floats2,
     row: int,
     width: int,
     figures: tuple[Scalar, Scalar, Scalar, Scalar],
-    tall: FloatArray,
-    surplus: FloatArray,
+    tall: Floats2,
+    surplus: Floats1,
 ) -> None:
     """Write to `surplus` by how much, at least, samples lie outside the range of their neighbours; infinite without any."""
     deviations, floor, shot, variance = figures
@@ -112,16 +108,16 @@ def _stand_out(
 
 @kernel
 def _is_outlier(
-    signal: FloatArray,
-    gains: FloatArray,
-    bad: BoolArray,
+    signal: Floats2,
+    gains: Floats2,
+    bad: Bools2,
     row: int,
     column: int,
     contrast: float,
     deviations: float,
     floor: float,
     noise: tuple[float, float],
-    around: FloatArray,
+    around: Floats1,
 ) -> bool:
     """Whether a sample is one that `find_outliers` marks."""
     if gains[row % len(gains), column % len(gains)] > 0 or bad[row, column]:
@@ -143,7 +139,7 @@ def _is_outlier(
 
 
 @kernel
-def _extremes(values: FloatArray, count: int) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+def _extremes(values: Floats1, count: int) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """The lowest and the highest of the first `count` values, and the second lowest and second highest."""
     low, high, next_low, next_high = _INFINITE, -_INFINITE, _INFINITE, -_INFINITE
     for place in range(count):
@@ -154,9 +150,7 @@ def _extremes(values: FloatArray, count: int) -> tuple[Scalar, Scalar, Scalar, S
 
 
 @kernel
-def _neighbours(
-    signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, column: int, reach: int, around: FloatArray
-) -> int:
+def _neighbours(signal: Floats2, gains: Floats2, bad: Bools2, row: int, column: int, reach: int, around: Floats1) -> int:
     """Collect luminance from the good samples at most `reach` pixels from one, without itself. Returns how many there are."""
     period, count = len(gains), 0
     top, bottom = max(row - reach, 0), min(row + reach + 1, signal.shape[0])
@@ -177,15 +171,9 @@ def _neighbours(
     return count
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]")
+@parallel_kernel()
 def mend_panchromatic(
-    pieces: Pieces,
-    signal: FloatArray,
-    panchromatic: BoolArray,
-    bad: BoolArray,
-    rows: IndexArray,
-    columns: IndexArray,
-    values: FloatArray,
+    pieces: Pieces, signal: Frozen2, panchromatic: Bools2, bad: Bools2, rows: StridedInts1, columns: StridedInts1, values: Floats1
 ) -> None:
     """Predict the samples at the places (rows, columns) from the good panchromatic samples around them, to `values`.
 
@@ -210,9 +198,7 @@ def mend_panchromatic(
 
 
 @kernel
-def _change_along(
-    signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int, down: int, across: int
-) -> float:
+def _change_along(signal: Floats2, panchromatic: Bools2, bad: Bools2, row: int, column: int, down: int, across: int) -> float:
     """Mean absolute difference of good neighbours along a direction, within the 5 x 5 pixels around a place."""
     total, count = 0.0, 0
     for y in range(row - _WIDE, row + _WIDE + 1):
@@ -225,7 +211,7 @@ def _change_along(
 
 
 @kernel
-def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> float:
+def _nearest(signal: Floats2, panchromatic: Bools2, bad: Bools2, row: int, column: int) -> float:
     """Mean of the nearest good samples; the sample itself if there are none within `_GROWTH` pixels."""
     for reach in range(1, _GROWTH + 1):
         total, count = 0.0, 0
@@ -240,25 +226,25 @@ def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: i
 
 
 @kernel
-def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> bool:
+def _good(panchromatic: Bools2, bad: Bools2, row: int, column: int) -> bool:
     """Whether a place is inside the frame, panchromatic and not marked bad."""
     period = len(panchromatic)
     inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]")
+@parallel_kernel()
 def surroundings(
     pieces: Pieces,
-    signal: FloatArray,
-    panchromatic: BoolArray,
-    rows: IndexArray,
-    columns: IndexArray,
-    extent: tuple[int, int],
-    sites: IndexArray,
-    light: DoubleArray,
-    lowest: DoubleArray,
-    highest: DoubleArray,
+    signal: Frozen2,
+    panchromatic: Bools2,
+    rows: Ints1,
+    columns: Ints1,
+    extent: Pair,
+    sites: Ints2,
+    light: Doubles3,
+    lowest: Doubles2,
+    highest: Doubles2,
 ) -> None:
     """Interpolate luminance at the colour sites of blocks from the panchromatic samples around each block.
 
@@ -293,7 +279,7 @@ def surroundings(
 
 
 @kernel
-def _weights(panchromatic: BoolArray, row: int, column: int, extent: tuple[int, int], sites: IndexArray) -> DoubleArray:
+def _weights(panchromatic: Bools2, row: int, column: int, extent: Pair, sites: Ints2) -> Doubles3:
     """One over the squared distance between each pixel of a block with its surroundings and each site; 0 at colour sites."""
     period = len(panchromatic)
     weights = np.zeros((extent[0] + 2, extent[1] + 2, len(sites)))

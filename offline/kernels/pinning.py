@@ -7,8 +7,7 @@ fades where no site is trusted.
 
 import numpy as np
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
-
+from .arrays import Bytes2, Doubles1, Floats2, Floats3, Ints1, Pair
 from .compile import Pieces, parallel_kernel
 from .functions import tile_at, zeros
 from .linked import Prior, link, solve
@@ -21,22 +20,20 @@ TOLERANCE = 1e-4
 _NONE = np.float32(0)
 
 
-@parallel_kernel(
-    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]"
-)
+@parallel_kernel()
 def pin_samples(
     pieces: Pieces,
-    luminance: FloatArray,
-    base: FloatArray,
-    channels: ByteArray,
-    ratios: FloatArray,
-    weights: FloatArray,
+    luminance: Floats2,
+    base: Floats3,
+    channels: Bytes2,
+    ratios: Floats2,
+    weights: Floats2,
     first: int,
-    rows: tuple[int, int],
+    rows: Pair,
     prior: Prior,
-    out: FloatArray,
-    residuals: DoubleArray,
-    used: IndexArray,
+    out: Floats3,
+    residuals: Doubles1,
+    used: Ints1,
 ) -> None:
     """Find the chromaticity of some rows of the frame.
 

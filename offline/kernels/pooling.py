@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from .arrays import Floats1, Floats2, Floats3, Scalar, Single
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import exponential, zeros
-from .lanes import WIDTH, Lanes, Scalar, load, quotient, store
+from .lanes import WIDTH, Lanes, load, quotient, store
 
 SLACK = WIDTH
 """Columns after the border, so that the last vector stays inside the array."""
@@ -17,12 +16,8 @@ _PAIR = 2  # rows that are computed together: what is read for one serves the ot
 _NONE = np.float32(0)
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], i8, f4[:, ::1], f4, f4[:, :, ::1]", pieces=lambda *given: -(-given[-1].shape[1] // _PAIR)
-)
-def pool(
-    pieces: Pieces, sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, light: Scalar, out: FloatArray
-) -> None:
+@parallel_kernel(pieces=lambda *given: -(-given[-1].shape[1] // _PAIR))
+def pool(pieces: Pieces, sums: Floats3, features: Floats3, radius: int, near: Floats2, light: Single, out: Floats3) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by similarity.
 
     The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
@@ -58,14 +53,7 @@ def pool(
 
 @kernel
 def _weigh(
-    features: FloatArray,
-    centre: FloatArray,
-    y: int,
-    column: int,
-    near: FloatArray,
-    near_lower: FloatArray,
-    light: Scalar,
-    weights: FloatArray,
+    features: Floats3, centre: Floats3, y: int, column: int, near: Floats1, near_lower: Floats1, light: Scalar, weights: Floats3
 ) -> None:
     """The weights of all blocks in row `y` for a pair of rows of blocks: their features are `centre`, their distances `near`."""
     channels, radius = len(features) - 2, weights.shape[1] // 2
@@ -85,7 +73,7 @@ def _weigh(
 
 
 @kernel
-def _farther(distance: Lanes, a: Lanes, b: Lanes, c: Lanes, centre: FloatArray, row: int, channel: int) -> Lanes:
+def _farther(distance: Lanes, a: Lanes, b: Lanes, c: Lanes, centre: Floats3, row: int, channel: int) -> Lanes:
     """A squared distance, to which that of three features from those of a row of the pair is added."""
     a -= load(centre, (row, channel, 0))
     b -= load(centre, (row, channel + 1, 0))
@@ -94,9 +82,7 @@ def _farther(distance: Lanes, a: Lanes, b: Lanes, c: Lanes, centre: FloatArray, 
 
 
 @kernel
-def _weight(
-    distance: Lanes, variance: Lanes, brightness: Lanes, centre: FloatArray, row: int, channels: int, light: Scalar
-) -> Lanes:
+def _weight(distance: Lanes, variance: Lanes, brightness: Lanes, centre: Floats3, row: int, channels: int, light: Scalar) -> Lanes:
     """How similar blocks are, from the squared distance of their chromaticities, their variance and their brightness."""
     brighter = brightness - load(centre, (row, channels + 1, 0))
     dissimilar = quotient(distance, load(centre, (row, channels, 0)) + variance)
@@ -104,7 +90,7 @@ def _weight(
 
 
 @kernel
-def _sum(sums: FloatArray, weights: FloatArray, y: int, column: int, total: FloatArray) -> None:
+def _sum(sums: Floats3, weights: Floats3, y: int, column: int, total: Floats2) -> None:
     """Add the weighted statistics of a row of the window to the totals of a pair of rows."""
     for plane in range(0, len(sums), _TOGETHER):
         t = _PAIR * plane

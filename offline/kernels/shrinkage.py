@@ -6,11 +6,10 @@ what shrinkage removes and subtracts it from the plane. Rows without a hole are 
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from .arrays import Area, Floats1, Floats2, Floats3, Pair, Scalar, Single
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, scaled_reciprocal_root, zeros
-from .lanes import WIDTH, Lanes, Scalar, lesser, load, store
+from .lanes import WIDTH, Lanes, lesser, load, store
 
 REACH = 4
 """Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
@@ -20,12 +19,12 @@ _BANDS = 3  # horizontal, vertical, diagonal: what one level of a wavelet has be
 _STRIP = 64  # rows of a piece of work; chosen for speed
 _ONE = np.float32(1)
 
-Planes = tuple[FloatArray, ...]
+Planes = tuple[Floats2, Floats2, Floats2, Floats2]
 
 
-@parallel_kernel("f4[:, ::1], f4[:, ::1], i8, f4[:, ::1], f4[:, ::1], f4", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+@parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
 def shrink_once(
-    pieces: Pieces, plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float
+    pieces: Pieces, plane: Floats2, result: Floats2, columns: int, holes: Floats2, taps: Floats2, threshold: Single
 ) -> None:
     """Shrink the coefficients of `plane` once, and write the new values of the holes to `result`.
 
@@ -43,17 +42,15 @@ def shrink_once(
         )
 
 
-@parallel_kernel(
-    "(f4[:, ::1],) * 4, (f4[:, ::1],) * 4, (i8,) * 4, (f4[:, ::1],) * 4, f4[:, ::1], f4[::1]", pieces=lambda planes, *_: len(planes)
-)
+@parallel_kernel(pieces=lambda planes, *_: len(planes))
 def shrink_margins(
     pieces: Pieces,
     planes: Planes,
     results: Planes,
-    columns: tuple[int, ...],
+    columns: tuple[int, int, int, int],
     holes: Planes,
-    taps: FloatArray,
-    thresholds: FloatArray,
+    taps: Floats2,
+    thresholds: Floats1,
 ) -> None:
     """Run `shrink_once` on four planes of a few rows each, with one threshold after the other, from plane to result and back."""
     for each in range(pieces[0], pieces[1]):
@@ -65,13 +62,7 @@ def shrink_margins(
 
 @kernel
 def _shrink_rows(
-    plane: FloatArray,
-    result: FloatArray,
-    rows: tuple[int, int],
-    columns: int,
-    holes: FloatArray,
-    taps: FloatArray,
-    threshold: Scalar,
+    plane: Floats2, result: Floats2, rows: Pair, columns: int, holes: Floats2, taps: Floats2, threshold: Scalar
 ) -> None:
     """Do what `shrink_once` does, for the rows from the first of `rows` to its end."""
     first, last = rows
@@ -93,7 +84,7 @@ def _shrink_rows(
 
 
 @kernel
-def mirror_columns(row: FloatArray, columns: int) -> None:
+def mirror_columns(row: Floats1, columns: int) -> None:
     """Set the REACH pixels on either side of a row of `columns` to their mirror images."""
     for step in range(1, REACH + 1):
         row[REACH - step] = row[REACH + mirrored(-step, columns)]
@@ -101,9 +92,7 @@ def mirror_columns(row: FloatArray, columns: int) -> None:
 
 
 @kernel
-def _decompose(
-    plane: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray, bands: FloatArray
-) -> None:
+def _decompose(plane: Floats2, row: int, columns: int, taps: Floats2, low: Floats1, high: Floats1, bands: Floats3) -> None:
     """Compute row `row` of the three high-pass bands, with four columns more than the frame, and slack for a vector."""
     r0, r1, r2, r3 = (
         mirrored(row - 4, len(plane)), mirrored(row - 3, len(plane)), mirrored(row - 2, len(plane)), mirrored(row - 1, len(plane))
@@ -124,7 +113,7 @@ def _decompose(
 
 
 @kernel
-def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, squares: FloatArray, removed: FloatArray) -> None:
+def _shrink(bands: Floats3, row: int, columns: int, threshold: Scalar, squares: Floats1, removed: Floats3) -> None:
     """Compute what Eq. 5 removes from row `row` of the bands; the rows above and below must be there too."""
     for band in range(_BANDS):
         for column in range(0, columns + REACH + 1, WIDTH):
@@ -137,7 +126,7 @@ def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, square
 
 
 @kernel
-def _synthesise(removed: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray) -> None:
+def _synthesise(removed: Floats3, row: int, columns: int, taps: Floats2, low: Floats1, high: Floats1) -> None:
     """Synthesise row `row` of the frame from rows row + 1 .. row + 4 of the bands, into `low`; the taps are reversed."""
     rows = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     l3, l2, l1, l0 = taps[0]
@@ -157,7 +146,7 @@ def _synthesise(removed: FloatArray, row: int, columns: int, taps: FloatArray, l
 
 
 @kernel
-def _four(bands: FloatArray, band: int, rows: tuple[int, int, int, int], x: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+def _four(bands: Floats3, band: int, rows: Area, x: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """The coefficients of one band in four of its rows, from column x on."""
     a, b, c, d = rows
     return load(bands, (band, a, x)), load(bands, (band, b, x)), load(bands, (band, c, x)), load(bands, (band, d, x))

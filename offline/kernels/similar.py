@@ -7,11 +7,10 @@ then they are added to both rows at once.
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray
-
+from .arrays import Bools2, Floats1, Floats2, Pair, Scalar, Single
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, tile_at, zeros
-from .lanes import WIDTH, Scalar, greater, load, store
+from .lanes import WIDTH, greater, load, store
 from .pieces import tiles
 
 SURROUNDINGS = 1
@@ -22,28 +21,26 @@ _LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise
 # e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.
 _SCALE = np.float32(1 / np.sqrt(8 * 16))
 
-Span = tuple[int, int]
-Planes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Planes = tuple[Floats2, Floats2, Floats2, Floats2]
 """(even, samples, sums, weights) of a window: what is compared, what is averaged, and what has been added up."""
 
 
 @parallel_kernel(
-    "f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8, f4, f4, f4, f4, f4[:, ::1]",
-    pieces=lambda noisy, uncertain, clean, first, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)),
+    pieces=lambda noisy, uncertain, clean, first, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS))
 )
 def average_similar(
     pieces: Pieces,
-    noisy: FloatArray,
-    uncertain: BoolArray,
-    clean: FloatArray,
+    noisy: Floats2,
+    uncertain: Bools2,
+    clean: Floats2,
     first: int,
-    rows: tuple[int, int],
+    rows: Pair,
     radius: int,
-    shot: Scalar,
-    read: Scalar,
-    similarity: Scalar,
-    share: Scalar,
-    out: FloatArray,
+    shot: Single,
+    read: Single,
+    similarity: Single,
+    share: Single,
+    out: Floats2,
 ) -> None:
     """Mix the mean of pixels with similar surroundings into rows[0] to rows[1] of a frame.
 
@@ -108,7 +105,7 @@ def _even(signal: Scalar, shot: Scalar, read: Scalar) -> Scalar:
 
 
 @kernel
-def _weigh(even: FloatArray, row: int, apart: int, rights: Span, end: int, distances: FloatArray, pairs: FloatArray) -> None:
+def _weigh(even: Floats2, row: int, apart: int, rights: Pair, end: int, distances: Floats1, pairs: Floats2) -> None:
     """Weigh all pixels of a row, to column `end`, with those `apart` rows below and as far right as the span `rights` says."""
     for right in range(rights[0], rights[1]):
         for column in range(0, end, WIDTH):
@@ -124,7 +121,7 @@ def _weigh(even: FloatArray, row: int, apart: int, rights: Span, end: int, dista
 
 
 @kernel
-def _add(planes: Planes, row: int, other: int, rights: Span, span: Span, steps: tuple[int, int], pairs: FloatArray) -> None:
+def _add(planes: Planes, row: int, other: int, rights: Pair, span: Pair, steps: Pair, pairs: Floats2) -> None:
     """Add weighted samples of the row `other` to `row`, from the first to the end column of `span`.
 
     steps: columns to the weight of a pair, and to the other sample, in units of the pair's offset.

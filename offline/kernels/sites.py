@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
-
+from .arrays import Doubles1, Doubles2, Doubles3, Floats2, Floats3, Floats4, Ints1
 from .compile import Pieces, kernel, parallel_kernel
 from .lanes import WIDTH, greater, lesser, load, quotient, store, where_less
 
@@ -13,19 +12,19 @@ FAINTEST, STRONGEST = 0.06, 3.0
 """Range of a chromaticity that weights an error of luminance, in units of grey: chosen, and a pure colour of three channels."""
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
+@parallel_kernel()
 def solve_jointly(
     pieces: Pieces,
-    light: FloatArray,
-    samples: FloatArray,
-    fill_error: FloatArray,
-    variance: FloatArray,
-    channels: IndexArray,
-    near: DoubleArray,
+    light: Floats3,
+    samples: Floats3,
+    fill_error: Floats2,
+    variance: Floats3,
+    channels: Ints1,
+    near: Doubles2,
     mismatch: float,
-    gamma: DoubleArray,
+    gamma: Doubles1,
     rounds: int,
-    out: DoubleArray,
+    out: Doubles3,
 ) -> None:
     """The chromaticity of each block, by generalised least squares (see `offline.sites`).
 
@@ -89,20 +88,18 @@ def solve_jointly(
                         out[row, group + lane, i] = solved[i, lane]
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]"
-)
+@parallel_kernel()
 def share_out(
     pieces: Pieces,
-    error: FloatArray,
-    colour: FloatArray,
-    fill_variance: FloatArray,
-    tint: FloatArray,
-    variance: FloatArray,
-    channels: IndexArray,
-    near: DoubleArray,
-    light: FloatArray,
-    tints: FloatArray,
+    error: Floats3,
+    colour: Floats3,
+    fill_variance: Floats2,
+    tint: Floats2,
+    variance: Floats3,
+    channels: Ints1,
+    near: Doubles2,
+    light: Floats3,
+    tints: Floats4,
 ) -> None:
     """The most probable errors at each site, of luminance and of colour, given the errors of the samples (see `offline.sites`).
 
@@ -155,15 +152,13 @@ def share_out(
 
 
 @kernel
-def _copy(values: FloatArray | DoubleArray, lane: int, lanes: DoubleArray) -> None:
+def _copy(values: Doubles1, lane: int, lanes: Doubles2) -> None:
     for place in range(len(values)):
         lanes[place, lane] = values[place]
 
 
 @kernel
-def _covariance(
-    colour: DoubleArray, power: DoubleArray, near: DoubleArray, mismatch: float, noise: DoubleArray, covariance: DoubleArray
-) -> None:
+def _covariance(colour: Doubles2, power: Doubles2, near: Doubles2, mismatch: float, noise: Doubles2, covariance: Doubles3) -> None:
     """Covariance of the samples' errors: luminance wrong by `power`, seen through `colour`; mismatch; noise."""
     sites, each = len(colour), load(power, (0, 0))
     mean = each * 0.0
@@ -176,7 +171,7 @@ def _covariance(
 
 
 @kernel
-def _solve(matrix: DoubleArray, right: DoubleArray) -> None:
+def _solve(matrix: Doubles3, right: Doubles3) -> None:
     """Solve matrix x = right for each column of `right`, in place; NaN if the symmetric matrix is not positive definite."""
     size, columns = len(matrix), right.shape[1]
     for i in range(size):

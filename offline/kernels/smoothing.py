@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
-
+from .arrays import Floats1, Floats2, Frozen2, Ints1
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
 from .lanes import WIDTH, load, store
@@ -12,8 +11,8 @@ _STRIP = 64  # rows that one piece of work smooths; chosen for speed
 _NONE = np.float32(0)
 
 
-@parallel_kernel("const(f4[:, ::1]), f4[::1], f4[:, ::1]", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
-def smooth(pieces: Pieces, plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
+@parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
     """Smooth a plane along rows and columns; it is mirrored at its border.
 
     plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
@@ -24,7 +23,7 @@ def smooth(pieces: Pieces, plane: FloatArray, taps: FloatArray, out: FloatArray)
 
 
 @kernel
-def smooth_rows(plane: FloatArray, taps: FloatArray, first: int, last: int, out: FloatArray) -> None:
+def smooth_rows(plane: Floats2, taps: Floats1, first: int, last: int, out: Floats2) -> None:
     """As `smooth`, rows `first` to `last` alone."""
     (height, width), reach = plane.shape, len(taps) // 2
     lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
@@ -48,7 +47,7 @@ def smooth_rows(plane: FloatArray, taps: FloatArray, first: int, last: int, out:
 
 
 @kernel
-def _sum_down(lines: FloatArray, slots: IndexArray, taps: FloatArray, width: int, reach: int, total: FloatArray) -> None:
+def _sum_down(lines: Floats2, slots: Ints1, taps: Floats1, width: int, reach: int, total: Floats1) -> None:
     """Sum up the rows in `slots`, weighted, to `total`, which gets mirrored columns on both sides."""
     for column in range(0, width, WIDTH):
         light = taps[0] * load(lines, (slots[0], column))

@@ -10,12 +10,10 @@ zero: C - 1 coefficients on an orthonormal basis.
 
 import numpy as np
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
-
 from ..parts import DARK
+from .arrays import Area, Bytes1, Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import tile_at, zeros
-from .lanes import Scalar
 from .linked import Prior, link, solve
 
 TILE = 128
@@ -27,7 +25,7 @@ TOLERANCE = 1e-3
 _NONE, _ONE = np.float32(0), np.float32(1)
 _DARK = np.float32(DARK)
 
-Samples = tuple[FloatArray, ByteArray, IndexArray]
+Samples = tuple[Floats2, Bytes1, Ints1]
 """(figures, channels, starts) of M samples, sorted by tile: (M, 5), row and column in the frame, value times gamma, luminance,
 precision; (M,), their channels; (tiles + 1,), where those of each tile begin, tiles counted row by row."""
 
@@ -37,24 +35,21 @@ def tiles_of(rows: tuple[int, int], width: int) -> int:
     return -(-(rows[1] - rows[0]) // TILE) * -(-width // TILE)
 
 
-@parallel_kernel(
-    "f4[:, ::1], f4[:, :, ::1], i8, (i8, i8), i8, (f4[:, ::1], u1[::1], i8[::1]), f4[::1], f4[:, ::1], (f8, f8, f8), "
-    "f4[:, :, ::1], f8[::1], i8[::1]"
-)
+@parallel_kernel()
 def spread_samples(
     pieces: Pieces,
-    luminance: FloatArray,
-    chromaticity: FloatArray,
+    luminance: Floats2,
+    chromaticity: Floats3,
     first: int,
-    rows: tuple[int, int],
+    rows: Pair,
     height: int,
     samples: Samples,
-    gamma: FloatArray,
-    basis: FloatArray,
+    gamma: Floats1,
+    basis: Floats2,
     prior: Prior,
-    out: FloatArray,
-    residuals: DoubleArray,
-    used: IndexArray,
+    out: Floats3,
+    residuals: Doubles1,
+    used: Ints1,
 ) -> None:
     """Correct the chromaticity of some rows of the frame.
 
@@ -96,8 +91,8 @@ def spread_samples(
 
 @kernel
 def _gather(
-    light: FloatArray, colour: FloatArray, area: tuple[int, int, int, int], tile: tuple[int, int], shape: tuple[int, int],
-    samples: Samples, gamma: FloatArray, basis: FloatArray, normal: FloatArray, right_side: FloatArray,
+    light: Floats2, colour: Floats3, area: Area, tile: Pair, shape: Pair,
+    samples: Samples, gamma: Floats1, basis: Floats2, normal: Floats3, right_side: Floats3
 ) -> None:  # fmt: skip
     """Compute the normal equations of the samples in an area, each shared out to the four pixels around it."""
     figures, channels, starts = samples

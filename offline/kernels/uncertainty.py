@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
-
+from .arrays import Doubles1, Doubles2, Floats1, Floats2, Floats3, Frozen2, Frozen3, Ints1
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import unset
 
@@ -15,14 +14,17 @@ _NONE = np.float32(0)
 _LEAST = np.float32(1e-30)  # keeps quotients finite
 
 
-def _spread(reach: int, step: int) -> Callable[[FloatArray, int, tuple[DoubleArray, DoubleArray, DoubleArray], FloatArray], None]:
+Buffers = tuple[Doubles2, Doubles1, Doubles1]
+
+
+def _spread(reach: int, step: int) -> Callable[[Floats2, int, Buffers, Floats1], None]:
     """The kernel for the variance of a plane around each pixel of a row, in windows as far as there are pixels.
 
     reach: rows and columns to each side; of the rows every `step`-th counts. Constants: only then loops become vectors.
     """
 
     @kernel
-    def spread(plane: FloatArray, here: int, buffers: tuple[DoubleArray, DoubleArray, DoubleArray], out: FloatArray) -> None:
+    def spread(plane: Floats2, here: int, buffers: Buffers, out: Floats1) -> None:
         """Variance of a plane, (rows, W), around the row `here`. buffers: (2, W + 2 reach or more), and twice (W,)."""
         (height, width), (sums, total, squares) = plane.shape, buffers
         sums[:] = 0.0
@@ -51,23 +53,19 @@ def _spread(reach: int, step: int) -> Callable[[FloatArray, int, tuple[DoubleArr
 _narrow, _wide = _spread(NARROW, 1), _spread(WIDE, 2)
 
 
-@parallel_kernel(
-    "const(f4[:, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), const(f4[:, :, ::1]), (i8[::1], f4[::1]), f8, i8, f4[::1],"
-    " f4[:, ::1], f4[:, :, ::1]",
-    pieces=lambda *given: len(given[-1]),
-)
+@parallel_kernel(pieces=lambda *given: len(given[-1]))
 def uncertainty(
     pieces: Pieces,
-    light: FloatArray,
-    known: FloatArray,
-    shares: FloatArray,
-    blocks: FloatArray,
-    columns: tuple[IndexArray, FloatArray],
+    light: Frozen2,
+    known: Frozen3,
+    shares: Frozen3,
+    blocks: Frozen3,
+    columns: tuple[Ints1, Floats1],
     down: float,
     first: int,
-    gamma: FloatArray,
-    weights: FloatArray,
-    out: FloatArray,
+    gamma: Floats1,
+    weights: Floats2,
+    out: Floats3,
 ) -> None:
     """Standard deviations of the errors of some rows of a picture, in units of luminance.
 
