@@ -12,6 +12,11 @@ _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, what
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
 _SITE = 10.0  # per colour site, kept until the picture is finished: samples and what is known of them
 
+# Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame (luminance, agreement, colour samples)
+# and besides (what compares one frame with the reference).
+_FRAME, _REST = 13.0, 97.0
+_SAMPLE = 130.0  # bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those are in `_FRAME`
+
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the mosaic and the picture.
@@ -31,3 +36,20 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
         rows = highest + 2 * stage.look.reach + stage.look.step
         held += stage.memory(min(rows, height) * width, len(mosaic.pattern.channels))
     return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + held))
+
+
+def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
+    """An upper estimate, in bytes, of what merging and rendering a burst needs in addition to the program and the mosaics.
+
+    frames: their number. mosaic: one of them.
+
+    >>> import numpy as np
+    >>> from offline.burst import burst_memory
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
+    >>> 50e6 < burst_memory(8, mosaic) < 300e6
+    True
+    """
+    pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
+    frame = _FRAME + (_SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0)
+    return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))

@@ -1,28 +1,74 @@
 """The settings of each stage, in order of execution, and the presets."""
 
-import math
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from math import inf
+from typing import Annotated, Any, NamedTuple
 
-from .stage_settings import (
-    ALL_TRUSTED,
-    NO_LINES,
-    NOT_SETTLED,
-    OFF,
-    LineSettings,
-    SettlingSettings,
-    StageSettings,
-    Switch,
-    TrustSettings,
-    require,
-)
+from shared.errors import InputError
 
 # Accepted at most, for time and memory: side of a DCT block and radius of non-local means, pixels; radius of pooling, blocks.
 _LARGEST, _FARTHEST, _WIDEST = 32, 16, 64
 
 
+class _Range(NamedTuple):
+    """Which values a setting may have: whether a value is one of them, and how to say which are."""
+
+    holds: Callable[[Any], bool]
+    expected: str
+
+
+_NotNegative = Annotated[float, _Range(lambda value: value >= 0, "0 or more")]
+_Finite = Annotated[float, _Range(lambda value: 0 <= value < inf, "0 or more")]
+_Positive = Annotated[float, _Range(lambda value: value > 0, "more than 0")]
+_Between = Annotated[float, _Range(lambda value: 0 < value < 1, "between 0 and 1")]
+_Share = Annotated[float, _Range(lambda value: 0 <= value <= 1, "0 to 1")]
+_Count = Annotated[int, _Range(lambda value: value >= 1, "1 or more")]
+_CountOrNone = Annotated[int, _Range(lambda value: value >= 0, "0 or more")]
+_SIZES = _Range(
+    lambda value: bool(value) and {*value} <= {*range(4, _LARGEST + 1, 4)}, f"one or more multiples of 4 up to {_LARGEST}"
+)
+_SCALES = _Range(lambda value: min(value, default=0) > 0, "one or more positive scales")
+
+
+class StageSettings:
+    """Base of the settings of a stage: their ranges, whether it is used, and which kernels it then calls, to compile them ahead.
+
+    asked_by: settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
+    kernels: names of those that it calls when it is used; stages in rows say so themselves.
+    """
+
+    asked_by: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raise InputError, which names a setting, its value and what is expected, for one outside its range."""
+        part = type(self).__name__.removesuffix("Settings").lower()
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            for allowed in getattr(each.type, "__metadata__", ()):
+                if not allowed.holds(value):
+                    raise InputError(f"settings: {part}.{each.name} is {value}, expected {allowed.expected}")
+
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return not self.asked_by or any(getattr(self, name) for name in self.asked_by)
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See above."""
+        return ()
+
+
 @dataclass(frozen=True)
-class DefectSettings(StageSettings):
+class Switch(StageSettings):
+    """A stage that is used or not. used: whether it is."""
+
+    used: bool = False
+
+
+@dataclass(frozen=True)
+class DefectsSettings(StageSettings):
     """Samples that do not measure light.
 
     An unlisted panchromatic sample is defective if it lies outside its neighbours' range by more than contrast x local contrast +
@@ -34,25 +80,27 @@ class DefectSettings(StageSettings):
     """
 
     kernels = "find_outliers", "mend_panchromatic", "surroundings"
-
+    asked_by = "listed", "contrast"
     listed: bool = False
-    contrast: float = 0.0
-    deviations: float = 6.0
-    floor: float = 0.04
-
-    def __post_init__(self) -> None:
-        require(self.contrast >= 0, "defects.contrast", self.contrast, "0 or more")
-        require(self.deviations >= 0, "defects.deviations", self.deviations, "0 or more")
-        require(self.floor > 0, "defects.floor", self.floor, "more than 0")
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return self.listed or self.contrast > 0
+    contrast: _NotNegative = 0.0
+    deviations: _NotNegative = 6.0
+    floor: _Positive = 0.04
 
 
 @dataclass(frozen=True)
-class HighlightSettings(StageSettings):
+class TrustSettings(Switch):
+    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `whole.trust`); not in the paper.
+
+    tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
+        its neighbours, > 0.
+    """
+
+    kernels = "surroundings", "smooth"
+    tolerance: _Positive = 0.4
+
+
+@dataclass(frozen=True)
+class HighlightsSettings(StageSettings):
     """Panchromatic samples at the sensor's limit.
 
     restored: take luminance there from the colour samples.
@@ -60,17 +108,9 @@ class HighlightSettings(StageSettings):
     """
 
     kernels = "surroundings", "raise_clipped", "interpolate"
-
+    asked_by = ("restored",)
     restored: bool = False
-    shoulder: float = 0.05
-
-    def __post_init__(self) -> None:
-        require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return self.restored
+    shoulder: _Between = 0.05
 
 
 @dataclass(frozen=True)
@@ -79,24 +119,18 @@ class LuminanceSettings(StageSettings):
 
     iterations: 50 in the paper.
     decay: beta, 2^(-1/4) in the paper.
-    threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too). It is
-        larger in frames brighter than 3 scene units: half of what they exceed 1 by.
+    threshold: shrinkage at the first iteration, scene units (1 in the paper); larger in frames brighter than 3 scene units, half of
+        what they exceed 1 by.
     relative: the threshold is a multiple of the brightest sample instead, so that the picture does not depend on the exposure.
     learned: a network that has seen photographs corrects what is filled in under blocks of 2 x 2 pixels (`whole.filling`).
     """
 
     kernels = "fill_blocks", "shrink_margins"
-
-    iterations: int = 50
-    decay: float = 2**-0.25
-    threshold: float = 1.0
+    iterations: _Count = 50
+    decay: _Between = 2**-0.25
+    threshold: _Positive = 1.0
     relative: bool = False
     learned: bool = False
-
-    def __post_init__(self) -> None:
-        require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
-        require(0 < self.decay < 1, "luminance.decay", self.decay, "between 0 and 1")
-        require(self.threshold > 0, "luminance.threshold", self.threshold, "more than 0")
 
 
 @dataclass(frozen=True)
@@ -122,27 +156,13 @@ class DenoisingSettings(StageSettings):
     """
 
     kernels = "denoise", "average_similar"
-
-    strength: float = 0.0
-    sizes: tuple[int, ...] = (4, 8, 12)
-    threshold: float = 2.5
-    share: float = 0.3
-    similarity: float = 0.65
-    radius: int = 7
-
-    def __post_init__(self) -> None:
-        require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")
-        whole = bool(self.sizes) and all(4 <= size <= _LARGEST and size % 4 == 0 for size in self.sizes)
-        require(whole, "denoising.sizes", self.sizes, f"one or more multiples of 4 up to {_LARGEST}")
-        require(self.threshold > 0, "denoising.threshold", self.threshold, "more than 0")
-        require(0 <= self.share <= 1, "denoising.share", self.share, "0 to 1")
-        require(self.similarity > 0, "denoising.similarity", self.similarity, "more than 0")
-        require(1 <= self.radius <= _FARTHEST, "denoising.radius", self.radius, f"1 to {_FARTHEST}")
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return self.strength > 0
+    asked_by = ("strength",)
+    strength: _NotNegative = 0.0
+    sizes: Annotated[tuple[int, ...], _SIZES] = (4, 8, 12)
+    threshold: _Positive = 2.5
+    share: _Share = 0.3
+    similarity: _Positive = 0.65
+    radius: Annotated[int, _Range(lambda value: 1 <= value <= _FARTHEST, f"1 to {_FARTHEST}")] = 7
 
 
 @dataclass(frozen=True)
@@ -157,16 +177,10 @@ class ChromaticitySettings(StageSettings):
         luminance, which are solved for together with chromaticity (see `sites`); 0 = Eqs. 8-9 as they are.
     """
 
-    taps: int = 5
-    repetitions: int = 20
-    detail_gain: float = 0.0
-    mismatch: float = 0.0
-
-    def __post_init__(self) -> None:
-        require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
-        require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
-        require(0 <= self.detail_gain < math.inf, "chromaticity.detail_gain", self.detail_gain, "0 or more")
-        require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
+    taps: Annotated[int, _Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
+    repetitions: _CountOrNone = 20
+    detail_gain: _Finite = 0.0
+    mismatch: _Finite = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -188,6 +202,12 @@ class PoolingPass(NamedTuple):
     radius: int
 
 
+_PASSES = _Range(
+    lambda passes: all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in passes),
+    f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}",
+)
+
+
 @dataclass(frozen=True)
 class PoolingSettings(StageSettings):
     """Averaging of the sums of Eqs. 8-9 over blocks of similar chromaticity; the paper has none.
@@ -199,22 +219,24 @@ class PoolingSettings(StageSettings):
     """
 
     kernels = "pool", "smooth"
+    asked_by = ("passes",)
+    passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
+    light: _Positive = 0.25
+    curvature_error: _NotNegative = 0.2
 
-    passes: tuple[PoolingPass, ...] = ()
-    light: float = 0.25
-    curvature_error: float = 0.2
 
-    def __post_init__(self) -> None:
-        allowed = all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in self.passes)
-        expected = f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
-        require(allowed, "pooling.passes", self.passes, expected)
-        require(self.light > 0, "pooling.light", self.light, "more than 0")
-        require(self.curvature_error >= 0, "pooling.curvature_error", self.curvature_error, "0 or more")
+@dataclass(frozen=True)
+class LineSettings(Switch):
+    """Colour as a linear function of luminance, where that explains the samples (see `whole.colour_lines`); not in the paper."""
 
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return bool(self.passes)
+    kernels = "surroundings", "smooth"
+
+
+@dataclass(frozen=True)
+class SettlingSettings(Switch):
+    """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
+
+    kernels = "share_out", "smooth"
 
 
 @dataclass(frozen=True)
@@ -226,14 +248,9 @@ class AffinitySettings(StageSettings):
     iterations: largest number of iterations.
     """
 
-    scales: tuple[float, ...] = (0.5, 1.0)
-    tolerance: float = 1e-3
-    iterations: int = 500
-
-    def __post_init__(self) -> None:
-        require(bool(self.scales) and min(self.scales) > 0, "affinity.scales", self.scales, "one or more positive scales")
-        require(0 < self.tolerance < 1, "affinity.tolerance", self.tolerance, "between 0 and 1")
-        require(self.iterations >= 1, "affinity.iterations", self.iterations, "1 or more")
+    scales: Annotated[tuple[float, ...], _SCALES] = (0.5, 1.0)
+    tolerance: _Between = 1e-3
+    iterations: _Count = 500
 
 
 @dataclass(frozen=True)
@@ -245,12 +262,8 @@ class PropagationSettings(StageSettings):
     blocks as bright as the pixel; both 0 or more.
     """
 
-    softness: float = 0.0
-    likeness: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(0 <= value < math.inf, f"propagation.{name}", value, "0 or more")
+    softness: _Finite = 0.0
+    likeness: _Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -263,21 +276,11 @@ class RefinementSettings(StageSettings):
     repetitions: 0 or more ("multiple times" in the paper).
     """
 
-    strength: float = 40.0
-    floor: float = 1e-3
-    blur: float = 1 / 8
-    repetitions: int = 2
-
-    def __post_init__(self) -> None:
-        require(self.strength >= 0, "refinement.strength", self.strength, "0 or more")
-        require(self.floor > 0, "refinement.floor", self.floor, "more than 0")
-        require(self.blur > 0, "refinement.blur", self.blur, "more than 0")
-        require(self.repetitions >= 0, "refinement.repetitions", self.repetitions, "0 or more")
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return self.repetitions > 0
+    asked_by = ("repetitions",)
+    strength: _NotNegative = 40.0
+    floor: _Positive = 1e-3
+    blur: _Positive = 1 / 8
+    repetitions: _CountOrNone = 2
 
 
 @dataclass(frozen=True)
@@ -297,28 +300,25 @@ class RenderSettings:
     """
 
     noise: NoiseSettings = NoiseSettings()
-    defects: DefectSettings = DefectSettings()
-    trust: TrustSettings = ALL_TRUSTED
-    highlights: HighlightSettings = HighlightSettings()
+    defects: DefectsSettings = DefectsSettings()
+    trust: TrustSettings = TrustSettings()
+    highlights: HighlightsSettings = HighlightsSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
-    lines: LineSettings = NO_LINES
-    settling: SettlingSettings = NOT_SETTLED
+    lines: LineSettings = LineSettings()
+    settling: SettlingSettings = SettlingSettings()
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
     refinement: RefinementSettings = RefinementSettings()
-    correction: Switch = OFF
-    pinning: Switch = OFF
-    learned: Switch = OFF
+    correction: Switch = Switch()
+    pinning: Switch = Switch()
+    learned: Switch = Switch()
 
     @property
     def asks_for_codes(self) -> bool:
-        """Whether it matters which samples are saturated.
-
-        If not, `Mosaic.in_scene_units` renders to the same picture, unless the lens has lateral chromatic aberration.
-        """
+        """Whether it matters which samples are saturated; if not, and without aberration, `in_scene_units` renders the same."""
         return self.defects.used or self.highlights.used or self.asks_for_sites
 
     @property
@@ -335,8 +335,8 @@ class RenderSettings:
 PAPER = RenderSettings()
 BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
-    defects=DefectSettings(listed=True, contrast=5.0),
-    highlights=HighlightSettings(restored=True),
+    defects=DefectsSettings(listed=True, contrast=5.0),
+    highlights=HighlightsSettings(restored=True),
     # The last threshold is 7e-5 of the brightest sample.
     luminance=LuminanceSettings(threshold=8 / 3, relative=True, iterations=62, learned=True),
     denoising=DenoisingSettings(strength=1.0),

@@ -27,7 +27,7 @@ from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
 from .kernels.pieces import BLOCK_ROWS, copied, in_strips
 from .measured import EVEN, BlockSamples
-from .stage_settings import Switch
+from .settings import Switch
 
 FILLED = 0.5
 """Correlation of the errors of filled luminance one pixel apart; half or twice changes 0.2 dB."""

@@ -2,11 +2,11 @@
 
 from shared.motion import Motion
 
+from ..memory import burst_memory
 from .alignment import Alignment, align
 from .copies import copies
 from .frames import View
 from .judging import Judged
-from .memory import burst_memory
 from .render import MergedBurst, merge_burst, render_burst_bands
 
 __all__ = [

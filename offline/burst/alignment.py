@@ -17,8 +17,7 @@ from shared.motion import Motion
 
 from . import fits
 from .frames import View
-from .levels import SPREAD, Level, levels
-from .tiles import Tiles, measure
+from .tiles import SPREAD, Level, Tiles, levels, measure
 
 # Chosen on drawn scenes: half and twice change the picture by 0.01 dB at most, or as said. `python -m tests.benchmarks.alignment`
 # measures on photographs.

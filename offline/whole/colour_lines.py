@@ -29,8 +29,8 @@ from ..blocks import Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import TRUNCATE, smoothed
 from ..measured import EVEN, ColourLines
+from ..settings import Switch
 from ..sites import FILLED
-from ..stage_settings import Switch
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3

@@ -19,7 +19,7 @@ from ..blocks import sum_noise, tile
 from ..cleaned import Cleaned
 from ..kernels.outliers import find_outliers, mend_panchromatic
 from ..kernels.pieces import copied
-from ..settings import DefectSettings
+from ..settings import DefectsSettings
 
 # Chosen; half and twice change none of the measured scenes (README).
 _LEAST_LIGHT = 2e-4  # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
@@ -28,7 +28,7 @@ _MOST = 0.01  # fraction of the samples: if more than this stand out, they belon
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 
 
-def mend_defects(frame: Cleaned, settings: DefectSettings, progress: Progress = SILENT) -> Cleaned:
+def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress = SILENT) -> Cleaned:
     """The frame with defective samples replaced; the frame itself where there are none.
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
@@ -66,7 +66,7 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(frame: Cleaned, settings: DefectSettings, bad: BoolArray) -> None:
+def _find_panchromatic(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> None:
     mosaic, noise = frame.mosaic, frame.noise
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
@@ -86,7 +86,7 @@ def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, In
     return rows[kept], columns[kept]
 
 
-def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectSettings) -> None:
+def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around it."""
     gamma, channels, (lights, lowest, highest) = frame.gamma, frame.sites.channels, frame.around
     share = (gamma / np.bincount(channels))[channels]  # weight of each site in the sum of Eq. 7

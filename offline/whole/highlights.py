@@ -26,7 +26,7 @@ from ..blocks import tile
 from ..cleaned import Cleaned
 from ..kernels.highlights import interpolate, raise_clipped
 from ..kernels.pieces import BLOCK_ROWS, copied, in_strips
-from ..settings import HighlightSettings
+from ..settings import HighlightsSettings
 
 # Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a stop (README).
 _WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings (0.9)
@@ -49,7 +49,7 @@ def clipping_level(mosaic: Mosaic) -> float:
     return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
 
 
-def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Progress = SILENT) -> Cleaned:
+def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: Progress = SILENT) -> Cleaned:
     """Replace saturated samples by estimates above them, and note where light is lost; without such samples, the frame itself.
 
     frame: free of defects: a single hot colour sample would pass for light.

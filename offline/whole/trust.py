@@ -13,7 +13,7 @@ from shared.arrays import DoubleArray, FloatArray
 from ..blocks import sum_noise
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
-from ..stage_settings import TrustSettings
+from ..settings import TrustSettings
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)

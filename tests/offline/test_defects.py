@@ -8,7 +8,7 @@ import pytest
 from offline import BEST, PAPER, render
 from offline.blocks import Sites
 from offline.cleaned import Cleaned
-from offline.settings import ChromaticitySettings, DefectSettings
+from offline.settings import ChromaticitySettings, DefectsSettings
 from offline.whole.defects import mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
@@ -19,7 +19,7 @@ SETTINGS = BEST.defects
 FULL = 3.0
 
 
-def mend(mosaic: Mosaic, settings: DefectSettings) -> Mosaic:
+def mend(mosaic: Mosaic, settings: DefectsSettings) -> Mosaic:
     return mend_defects(Cleaned(mosaic, np.inf), settings).mosaic
 
 

@@ -10,7 +10,7 @@ from offline import BEST, render
 from offline.measured import ColourLines
 from offline.parts import Part
 from offline.rows.lines import OnLines
-from offline.stage_settings import NO_LINES
+from offline.settings import LineSettings
 from offline.whole.chromaticity import block_sums
 from offline.whole.colour_lines import _REACH, colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
@@ -170,7 +170,9 @@ def test_many_sites_of_a_channel_keep_the_colours_of_a_scene() -> None:
     light, *colours = (plane / plane.std() for plane in drawn)
     scene = 0.3 * np.exp(light / 2)[..., None] * (1 + 0.15 * np.stack(colours, axis=2)).clip(0.1)
     mosaic = observe(scene, CfaPattern.of_letters("kaizu"))
-    errors = [float(((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean()) for lines in (BEST.lines, NO_LINES)]
+    errors = [
+        float(((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean()) for lines in (BEST.lines, LineSettings())
+    ]
     assert errors[0] < 1.1 * errors[1]  # 2.6 times where all errors count alike
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
-from offline.settings import PoolingPass
-from offline.stage_settings import Switch
+from offline.settings import PoolingPass, Switch
 from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot

@@ -7,9 +7,8 @@ import pytest
 
 from offline.parts import Part
 from offline.rows.correction import Missed, correct_sites
-from offline.settings import BEST, ChromaticitySettings
+from offline.settings import BEST, ChromaticitySettings, Switch
 from offline.sites import settle_luminance, site_reach
-from offline.stage_settings import Switch
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray

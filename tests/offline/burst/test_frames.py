@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER
-from offline.burst.comparing import candidates_of
 from offline.burst.frames import Frame, noise_models
+from offline.burst.judging import candidates_of
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (300, 420), CfaPattern.bayer(6), SensorCalibration.of_bits(12)

@@ -195,6 +195,6 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    monkeypatch.setattr("offline.burst.spreading.report", lambda *_: None)
+    monkeypatch.setattr("offline.burst.samples.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))

@@ -12,17 +12,19 @@ from numba.core.caching import CacheImpl, IndexDataCacheFile
 from numba.core.compiler import Compiler
 
 from offline.kernels import compile as product
+from offline.kernels.arrays import Floats1, Ints1
 from offline.kernels.highlights import interpolate, raise_clipped
 from shared.arrays import FloatArray, IndexArray
 from tests.data import ROOT
 from tests.python import run_python
 
 KERNEL = """
-from .compile import parallel_kernel
+from .arrays import Ints1
+from .compile import Pieces, parallel_kernel
 from .functions import mirrored
 
-@parallel_kernel("i8[::1], i8", pieces=lambda places, size: len(places))
-def mirror(pieces, places, size):
+@parallel_kernel(pieces=lambda places, size: len(places))
+def mirror(pieces: Pieces, places: Ints1, size: int):
     for i in range(*pieces):
         places[i] = mirrored(places[i], size)
 """
@@ -65,22 +67,23 @@ def test_a_kernel_is_compiled_once_until_a_file_that_it_imports_changes_or_it_is
 
 IN_TURN = """
 import numpy as np
-from offline.kernels.compile import compilation, kernel, parallel_kernel
+from offline.kernels.arrays import Doubles1
+from offline.kernels.compile import Pieces, compilation, kernel, parallel_kernel
 
 @kernel
 def part(x):
     return x + 1
 
-@parallel_kernel("f8[::1]", pieces=len)
-def first(pieces, x):
+@parallel_kernel()
+def first(pieces: Pieces, x: Doubles1):
     part(x)
 
-@parallel_kernel("f8[::1]", pieces=len)
-def second(pieces, x):
+@parallel_kernel()
+def second(pieces: Pieces, x: Doubles1):
     np.sum(part(x))
 
-@parallel_kernel("f8[::1]", pieces=len)
-def never(pieces, x):
+@parallel_kernel()
+def never(pieces: Pieces, x: Doubles1):
     x
 
 with compilation(lambda number, most: print(number, number <= most)):
@@ -104,11 +107,11 @@ def cubed(numbers: FloatArray) -> bool:
 
     part = product.kernel(polynomial)
 
-    def replace(pieces: product.Pieces, numbers: FloatArray, /) -> None:
+    def replace(pieces: product.Pieces, numbers: Floats1, /) -> None:
         for place in range(pieces[0], pieces[1]):
             numbers[place] = part(numbers[place])
 
-    made = product.ParallelKernel(replace, "f4[::1]", len)
+    made = product.ParallelKernel(replace, len)
     made(numbers)
     (code,) = made._dispatcher.inspect_llvm().values()
     assert not re.search("call .*polynomial", code)  # it is inlined
@@ -127,14 +130,14 @@ def test_parts_become_machine_code_with_their_kernels_alone_and_give_the_same_by
     assert alone.tobytes() == ordinary.tobytes() != numbers.tobytes()
 
 
-def more(pieces: product.Pieces, numbers: IndexArray, /) -> None:
+def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
     for place in range(pieces[0], pieces[1]):
         numbers[place] += 1
 
 
 def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-    made, numbers = product.ParallelKernel(more, "i8[::1]", len), np.arange(3)
+    made, numbers = product.ParallelKernel(more, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
@@ -146,12 +149,12 @@ def test_a_full_disk_behind_the_cache_costs_only_time(monkeypatch: pytest.Monkey
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    def unkept(pieces: product.Pieces, numbers: IndexArray, /) -> None:  # another test, in an earlier run, keeps `more`
+    def unkept(pieces: product.Pieces, numbers: Ints1, /) -> None:  # another test, in an earlier run, keeps `more`
         for place in range(pieces[0], pieces[1]):
             numbers[place] += 1
 
     monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    made, numbers = product.ParallelKernel(unkept, "i8[::1]", len), np.arange(3)
+    made, numbers = product.ParallelKernel(unkept, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
@@ -169,7 +172,7 @@ def test_a_kernel_takes_what_it_is_declared_for() -> None:
 
 
 def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, asking = product.ParallelKernel(more, "i8[::1]", len), threading.get_ident()
+    made, asking = product.ParallelKernel(more, len), threading.get_ident()
     made(np.arange(3))
     seen: list[tuple[int, bool]] = []
 
