@@ -26,15 +26,12 @@ class FrameQueue:
     ) -> None:
         self.dropped = 0
         self._waiting: deque[RawFrame] = deque()
-        self._depth = depth
-        self._wait = wait
-        self._stopped = stopped
+        self._depth, self._wait, self._stopped = depth, wait, stopped
         self._ended = False
         self._failure: BaseException | None = None
         self._changed = threading.Condition()
         # A daemon, because a blocking read from a silent camera cannot be cancelled.
-        self._reader = threading.Thread(target=self._fill, args=(frames,), name="frames", daemon=True)
-        self._reader.start()
+        threading.Thread(target=self._fill, args=(frames,), name="frames", daemon=True).start()
 
     def __iter__(self) -> Iterator[RawFrame]:
         while (frame := self._take()) is not None:
@@ -48,15 +45,10 @@ class FrameQueue:
 
     def _take(self) -> RawFrame | None:
         with self._changed:
-            while not self._stopped():
-                if self._waiting:
-                    frame = self._waiting.popleft()
-                    self._changed.notify_all()
-                    return frame
-                if self._ended:
-                    break
+            while not (self._waiting or self._ended or self._stopped()):
                 self._changed.wait(_POLL)
-            return None
+            self._changed.notify_all()
+            return self._waiting.popleft() if self._waiting and not self._stopped() else None
 
     def _fill(self, frames: Iterable[RawFrame]) -> None:
         try:

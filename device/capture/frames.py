@@ -7,8 +7,8 @@ libcamera: SRGGB10_CSI2P) state the filters that the driver assumes. They are ig
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from io import RawIOBase
@@ -20,11 +20,14 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import ByteArray, CodeArray, is_frozen
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.spelling import meant
+
+Bytes = bytes | bytearray | memoryview
 
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
 _ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
@@ -34,18 +37,23 @@ _STRIP = 32  # rows unpacked at a time; they fit into the cache
 
 @dataclass(frozen=True)
 class _Packing:
-    """`pixels` samples of `bits` bits in `length` bytes.
+    """A group of `pixels` samples of `bits` bits in `length` bytes.
 
     names: a pattern of the names of the format elsewhere, with the bits if they state them.
-    place: (sample of the group, its bit) -> the bit of the group, both from the lowest bit of the first byte on; None = words.
-    words: how NumPy names them.
+    step, low, tail, between: a sample begins `step` bits after the one before. Its `low` lowest bits are not there: those of the
+        first sample begin at bit `tail` of the group, and each other's `between` bits further. Bits count from the lowest one of
+        the first byte.
+    words: how NumPy names samples that are words; then nothing has to be moved.
     """
 
     bits: int
     pixels: int
     length: int
     names: str
-    place: Callable[[int, int], int] | None = None
+    step: int = 0
+    low: int = 0
+    tail: int = 0
+    between: int = 0
     words: str = ""
 
     @property
@@ -58,42 +66,27 @@ class _Packing:
         """How a packed word becomes an unpacked one: bits to shift up by (negative: down) -> mask of the bits that move so far."""
         masks: dict[int, int] = {}
         for sample, bit in product(range(self.pixels), range(self.bits)):
-            at = self.place(sample, bit) if self.place else 0
+            above = self.step * sample + bit - self.low
+            at = above if bit >= self.low else self.tail + self.between * sample + bit
             by = 16 * sample + bit - at
             masks[by] = masks.get(by, 0) | 1 << at
         return masks
 
 
-def _mipi(bits: int, pixels: int, names: str) -> _Packing:
-    """A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's lowest."""
-    low = bits - 8
-    return _Packing(
-        bits, pixels, pixels * bits // 8, names, lambda k, bit: 8 * k + bit - low if bit >= low else 8 * pixels + low * k + bit
-    )
-
-
-def _stream(bits: int, pixels: int, names: str) -> _Packing:
-    """One pixel behind the other, the lowest bits first."""
-    return _Packing(bits, pixels, pixels * bits // 8, names, lambda k, bit: bits * k + bit)
-
-
-def _gige(bits: int, names: str) -> _Packing:
-    """The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a byte."""
-    low = bits - 8
-    return _Packing(bits, 2, 3, names, lambda k, bit: 16 * k + bit - low if bit >= low else 8 + 4 * k + bit)
-
-
 _ORDERS = "(RGGB|BGGR|GRBG|GBRG)"
 _PFNC = "(Mono|SCF1(WBWG|WGWB|WGWR|WRWG))"
 FORMATS = {
-    "raw10": _mipi(10, 4, rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA"),
-    "raw12": _mipi(12, 2, rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC"),
-    "raw14": _mipi(14, 4, rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE"),
-    "mono10p": _stream(10, 4, f"{_PFNC}10p"),
-    "mono12p": _stream(12, 2, f"{_PFNC}12p"),
-    "mono14p": _stream(14, 4, f"{_PFNC}14p"),
-    "mono10packed": _gige(10, f"{_PFNC}10Packed"),
-    "mono12packed": _gige(12, f"{_PFNC}12Packed"),
+    # A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's lowest.
+    "raw10": _Packing(10, 4, 5, rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA", step=8, low=2, tail=32, between=2),
+    "raw12": _Packing(12, 2, 3, rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC", step=8, low=4, tail=16, between=4),
+    "raw14": _Packing(14, 4, 7, rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE", step=8, low=6, tail=32, between=6),
+    # One pixel behind the other, the lowest bits first.
+    "mono10p": _Packing(10, 4, 5, f"{_PFNC}10p", step=10),
+    "mono12p": _Packing(12, 2, 3, f"{_PFNC}12p", step=12),
+    "mono14p": _Packing(14, 4, 7, f"{_PFNC}14p", step=14),
+    # The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a byte.
+    "mono10packed": _Packing(10, 2, 3, f"{_PFNC}10Packed", step=16, low=2, tail=8, between=4),
+    "mono12packed": _Packing(12, 2, 3, f"{_PFNC}12Packed", step=16, low=4, tail=8, between=4),
     "u8": _Packing(8, 1, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"),
     "u16": _Packing(16, 1, 2, rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16", words="<u2"),
     "u16be": _Packing(16, 1, 2, r"Y(?P<bits>10|12|14|16)[_-]?BE", words=">u2"),
@@ -171,7 +164,7 @@ class FrameLayout:
         """Bytes of a frame."""
         return self.height * self.stride
 
-    def unpack(self, data: bytes | bytearray | memoryview) -> CodeArray:
+    def unpack(self, data: Bytes) -> CodeArray:
         """The samples of one frame, uint16 (height, width), which a `Mosaic` keeps without another copy.
 
         They are a view of `data` if it is read-only and has them as they are.
@@ -252,15 +245,56 @@ class RawFrame:
     source: the file that it was read from; "" = none.
     """
 
-    data: bytes | bytearray | memoryview
+    data: Bytes
     taken: datetime
     arrived: float
     source: str = ""
 
     @classmethod
-    def now(cls, data: bytes | bytearray | memoryview) -> "RawFrame":
+    def now(cls, data: Bytes) -> "RawFrame":
         """A frame that has just arrived."""
         return cls(data, datetime.now(UTC), monotonic())
+
+    def named(self, error: InputError) -> str:
+        """The message of an error of this frame, with the file in front."""
+        return f"{self.source}: {error}" if self.source else str(error)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The sensor whose frames are captured.
+
+    layout: size and format of its frames.
+    pattern: its filter pattern.
+    calibration: its calibration, for the mode in which it runs.
+    metadata: what every shot records besides its time.
+    Raises InputError when pattern and calibration have different channels, when a frame holds no whole colour block, and when the
+    bits of the calibration do not fit the format: then the calibration belongs to another mode of the sensor.
+    """
+
+    layout: FrameLayout
+    pattern: CfaPattern
+    calibration: SensorCalibration
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+
+    def __post_init__(self) -> None:
+        bits = self.calibration.bits
+        if bits > self.layout.bits or (not self.layout.has_words and bits != self.layout.bits):
+            raise InputError(
+                f"the calibration is for samples of {bits} bits, {self.layout.format} has {self.layout.bits}: "
+                "they belong to different modes of the sensor"
+            )
+        self.dark()
+
+    def dark(self) -> Mosaic:
+        """A frame without light, for preparations before the first frame arrives."""
+        black = round(min(self.calibration.black_level))
+        return Mosaic(np.full((self.layout.height, self.layout.width), black, np.uint16), self.pattern, self.calibration)
+
+    def mosaic(self, frame: RawFrame) -> Mosaic:
+        """The mosaic of a frame. Raises InputError when the frame does not fit the sensor."""
+        metadata = replace(self.metadata, taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time without zone
+        return Mosaic(self.layout.unpack(frame.data), self.pattern, self.calibration, metadata)
 
 
 def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:

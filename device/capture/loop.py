@@ -11,8 +11,7 @@ from shared import Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError
 
-from .frames import RawFrame
-from .sensor import Sensor
+from .frames import RawFrame, Sensor
 from .shots import ShotFolder
 from .white_balance import SteadyWhite
 
@@ -58,7 +57,7 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
         try:
             mosaic = balance(sensor.mosaic(frame))
         except InputError as error:
-            yield Refused(_reason(frame, error))
+            yield Refused(frame.named(error))
             continue
         yield _saved(mosaic, preview, partial(shots.save, taken=frame.taken))
 
@@ -83,7 +82,7 @@ def capture_burst(
         try:
             mosaics.append(sensor.mosaic(frame))
         except InputError as error:
-            yield Refused(f"{_reason(frame, error)}; none of the burst's {count} frames is saved")
+            yield Refused(f"{frame.named(error)}; none of the burst's {count} frames is saved")
             return
     white = SteadyWhite()(mosaics[0]).calibration
     save = shots.burst(count, first)
@@ -97,7 +96,3 @@ def _saved(mosaic: Mosaic, preview: PreviewMaker, save: Callable[[Mosaic, ByteAr
     made = perf_counter()
     path = save(mosaic, picture)
     return Saved(path, made - started, perf_counter() - made)
-
-
-def _reason(frame: RawFrame, error: InputError) -> str:
-    return f"{frame.source}: {error}" if frame.source else str(error)

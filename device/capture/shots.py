@@ -48,10 +48,7 @@ class ShotFolder:
         picture: its preview, uint8 sRGB (h, w, 3).
         taken: time of the shot, with time zone.
         """
-        while True:
-            path = self.path / f"{self._stem(taken)}.dng"
-            if self._write(path, mosaic, picture):
-                return path
+        return self._series([""], taken)(mosaic, picture)
 
     def burst(self, count: int, taken: datetime) -> Callable[[Mosaic, ByteArray], Path]:
         """A function that saves the next frame of a burst: see `save`, which it takes the shot and its preview for.
@@ -59,17 +56,28 @@ class ShotFolder:
         count: number of frames.
         taken: time of the first one, which all their names have.
         """
-        saved: list[Path] = []
-        stem = self._stem(taken)
+        return self._series([frame_name("", number, count) for number in range(1, count + 1)], taken)
+
+    def _series(self, endings: list[str], taken: datetime) -> Callable[[Mosaic, ByteArray], Path]:
+        """A function that saves the next of some shots with one TIME-COUNTER; their names end with `endings`."""
+        stem, left = self._stem(taken), list(endings)
 
         def save(mosaic: Mosaic, picture: ByteArray) -> Path:
             nonlocal stem
             while True:
-                path = self.path / f"{frame_name(stem, len(saved) + 1, count)}.dng"
-                if self._write(path, mosaic, picture, again=not saved):  # the first frame takes the name for all
-                    saved.append(path)
-                    return path
-                stem = self._stem(taken)
+                path = self.path / f"{stem}{left[0]}.dng"
+                try:
+                    write_dng(path, mosaic, picture)
+                    break
+                except OutputError as error:
+                    # The name is taken: another camera saves in the same folder. The first shot takes it for all.
+                    if len(left) < len(endings) or not isinstance(error.__cause__, FileExistsError):
+                        raise
+                    stem = self._stem(taken)
+            left.pop(0)
+            if self._latest is not None:
+                _point(self._latest, path)
+            return path
 
         return save
 
@@ -77,18 +85,6 @@ class ShotFolder:
         """TIME-COUNTER with the next number of the counter."""
         time = taken.astimezone(UTC)
         return f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}"
-
-    def _write(self, path: Path, mosaic: Mosaic, picture: ByteArray, *, again: bool = True) -> bool:
-        """Write a shot. Returns False if the name is taken: another camera saves in the same folder. again: False to raise that."""
-        try:
-            write_dng(path, mosaic, picture)
-        except OutputError as error:
-            if again and isinstance(error.__cause__, FileExistsError):
-                return False
-            raise
-        if self._latest is not None:
-            _point(self._latest, path)
-        return True
 
 
 def _check_link(link: Path) -> None:

@@ -5,8 +5,8 @@ light has none of its filter beside it. It is predicted by those of the same fil
 light beside them, each the more it counts the nearer this light is to that beside the defect.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -17,6 +17,8 @@ _PAIRS = np.array([[(0, -1), (0, 1)], [(-1, 0), (1, 0)], [(-1, -1), (1, 1)], [(-
 """Steps to opposite neighbours of a pixel, the near ones first."""
 _LIKE = 4
 """A sample of another block counts by this power of the lesser light over the greater: ink is not predicted by paper."""
+_Weighed = Callable[[IndexArray, int], tuple[DoubleArray, DoubleArray | BoolArray]]
+"""(Indices of places, a size) -> samples around the places times their weights, and the weights, (places, samples)."""
 _HIGHEST = (1 << 16) - 1
 _AT_ONCE = 1 << 13  # defects: a sensor may have many, and each reads a hundred samples
 
@@ -44,14 +46,12 @@ def without_defects(
     >>> int(without_defects(codes, CfaPattern.bayer(6), ((5, 5),), np.zeros(4), np.ones(4), 1 / 3)[5, 5])
     100
     """
-    if not defects:
-        return codes
-    places = np.array(defects, np.intp)
+    places = np.array(defects, np.intp).reshape(-1, 2)
     places = places[(places < codes.shape).all(axis=1)]
     if not len(places):
         return codes
-    bad = places[:, 0] * codes.shape[1] + places[:, 1]
-    frame = _Frame(codes, pattern, np.sort(bad), black.astype(float), scale.astype(float), grey)
+    bad = np.sort(np.ravel_multi_index(tuple(places.T), codes.shape))
+    frame = _Frame(codes, pattern, bad, black.astype(float), scale.astype(float), grey)
     tile = pattern.filter_map((pattern.period, pattern.period))
     kinds = (places % pattern.period) @ (pattern.period, 1)
     kinds[tile.ravel()[kinds] == len(pattern.channels)] = -1  # all panchromatic pixels alike; sites have their own surroundings
@@ -100,47 +100,49 @@ class _Frame:
 
     def light_beside(self, rows: IndexArray, columns: IndexArray) -> DoubleArray:
         """Mean of the nearest good panchromatic samples around each place: those of the smallest square that has any; else 0."""
-        found, left = np.zeros(len(rows)), np.arange(len(rows))
-        for size in range(1, 2 * self.pattern.period + 1):
-            if not len(left):
-                break
-            light, good = self._around(rows[left], columns[left], _square(size))
-            count = good.sum(axis=1)
-            known = count > 0
-            found[left[known]] = light[known].sum(axis=1) / count[known]
-            left = left[~known]
-        return found
+
+        def on_edge(left: IndexArray, size: int) -> tuple[DoubleArray, BoolArray]:
+            steps = _square(size)
+            return self._around(rows[left], columns[left], steps[np.abs(steps).max(axis=1) == size])
+
+        return _widened(np.zeros(len(rows)), on_edge, range(1, 2 * self.pattern.period + 1))
 
     def colour(self, rows: IndexArray, columns: IndexArray, channel: int) -> DoubleArray:
         """Light at places of one site, predicted by the good samples of its channel in the blocks around, or further away."""
         here = np.maximum(self.light_beside(rows, columns), self.scale[-1])
-        share, left = np.full(len(rows), self.grey), np.arange(len(rows))
-        for blocks in (1, 2, 4):
-            if not len(left):
-                break
-            steps = self._same(int(rows[0]), int(columns[0]), channel, blocks * self.pattern.period)
+        period = self.pattern.period
+        planes = self.pattern.filter_map((period, period), (int(rows[0]), int(columns[0])))  # all places are one of the tile
+
+        def in_blocks(left: IndexArray, blocks: int) -> tuple[DoubleArray, DoubleArray]:
+            steps = _square(blocks * period)
+            steps = steps[(planes[tuple(steps.T % period)] == channel) & steps.any(axis=1)]
             down, across = rows[left, None] + steps[:, 0], columns[left, None] + steps[:, 1]
             light, good = self.read(down, across, channel)
             beside = np.maximum(self.light_beside(down.ravel(), across.ravel()).reshape(good.shape), self.scale[-1])
             like = good * np.minimum(beside / here[left, None], here[left, None] / beside) ** _LIKE
-            weight = like.sum(axis=1)
-            known = weight > 0
-            share[left[known]] = (like * light / beside).sum(axis=1)[known] / weight[known]
-            left = left[~known]
-        return share * here
+            return like * light / beside, like
 
-    def _same(self, row: int, column: int, channel: int, reach: int) -> IndexArray:
-        """Steps (n, 2) from a site to all others of its channel within `reach` pixels."""
-        steps = np.array([step for step in product(range(-reach, reach + 1), repeat=2) if step != (0, 0)], np.intp)
-        period = self.pattern.period
-        planes = self.pattern.filter_map((period, period))[(row + steps[:, 0]) % period, (column + steps[:, 1]) % period]
-        return steps[planes == channel]
+        return _widened(np.full(len(rows), self.grey), in_blocks, (1, 2, 4)) * here
 
     def _around(self, rows: IndexArray, columns: IndexArray, steps: IndexArray) -> tuple[DoubleArray, BoolArray]:
         """`read` of panchromatic samples at `steps` (n, 2) from each place: (places, n)."""
         return self.read(rows[:, None] + steps[:, 0], columns[:, None] + steps[:, 1], len(self.pattern.channels))
 
 
-def _square(size: int) -> IndexArray:
-    """Steps (n, 2) to the pixels on the edge of a square around a pixel, `size` pixels away."""
-    return np.array([step for step in product(range(-size, size + 1), repeat=2) if max(map(abs, step)) == size], np.intp)
+def _widened(means: DoubleArray, weighed: _Weighed, sizes: Iterable[int]) -> DoubleArray:
+    """Weighted means (n,) of what the first size has around each place that has any weight there; where none has, `means`."""
+    left = np.arange(len(means))
+    for size in sizes:
+        if not len(left):
+            break
+        samples, weights = weighed(left, size)
+        weight = weights.sum(axis=1)
+        known = weight > 0
+        means[left[known]] = samples.sum(axis=1)[known] / weight[known]
+        left = left[~known]
+    return means
+
+
+def _square(reach: int) -> IndexArray:
+    """Steps (n, 2) to the pixels of the square around a pixel that goes `reach` pixels each way."""
+    return np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from shared.arrays import BoolArray, DoubleArray
 from shared.pattern import CfaPattern
 
 Place = tuple[int, int]
@@ -30,25 +30,20 @@ class Surroundings:
 
     def interpolation(self, site: Place, axis: int) -> dict[Place, float]:
         """Weights of the panchromatic samples along an axis that interpolate the value at a site; their sum is exactly 1."""
-
-        def at(step: int) -> Place:
-            return (site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1])
-
         steps = self._sides(site, axis)
         if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _NEAR):
             return self._surface(site)
         before, after = steps
         weights = _lagrange(steps)
         wide = [before - 1, before, after, after + 1]
-        if all(self._is_clear(at(step)) for step in wide):
+        if all(self._is_clear(_moved(site, axis, step)) for step in wide):
             steps, weights = wide, _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
-        return {at(step): weight for step, weight in zip(steps, exact(weights), strict=True)}
+        return {_moved(site, axis, step): weight for step, weight in zip(steps, exact(weights), strict=True)}
 
     def _sides(self, site: Place, axis: int) -> list[int]:
         """Steps along an axis from a site to the panchromatic pixels before it and after it; empty if its line has none."""
         period = self.pattern.period
-        steps = range(1, period)
-        clear = [step for step in steps if self._is_clear((site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1]))]
+        clear = [step for step in range(1, period) if self._is_clear(_moved(site, axis, step))]
         return [clear[-1] - period, clear[0]] if clear else []
 
     def _surface(self, site: Place) -> dict[Place, float]:
@@ -75,30 +70,28 @@ class Surroundings:
         if self.pattern.is_scattered:
             return self._across_sites(axis) or self._across_sites(1 - axis)
         height, width = self.pattern.block_shape
-        pairs = []
-        for row in range(-1, height + 1 if axis == 1 else height):
-            for column in range(-1, width + 1 if axis == 0 else width):
-                other = (row, column + 1) if axis == 1 else (row + 1, column)
-                if self._is_clear((row, column)) and self._is_clear(other):
-                    pairs.append(((row, column), other))
-        return pairs
+        places = product(range(-1, height + axis), range(-1, width + 1 - axis))
+        pairs = [(place, _moved(place, axis, 1)) for place in places]
+        return [pair for pair in pairs if all(map(self._is_clear, pair))]
 
     def _across_sites(self, axis: int) -> list[tuple[Place, Place]]:
-        pairs = []
-        for row, column, _ in sorted(self.pattern.sites, key=lambda site: site[2]):
-            if sides := self._sides((row, column), axis):
-                before, after = ((row, column + step) if axis == 1 else (row + step, column) for step in sides)
-                pairs.append((before, after))
+        sites = [(row, column) for row, column, _ in sorted(self.pattern.sites, key=lambda site: site[2])]
+        sides = [(site, self._sides(site, axis)) for site in sites]
+        pairs = [(_moved(site, axis, steps[0]), _moved(site, axis, steps[1])) for site, steps in sides if steps]
         return list(dict.fromkeys(pairs))  # sites side by side have the same
 
     def _is_clear(self, place: Place) -> bool:
         """Whether a place, counted from the origin of a block, is panchromatic."""
-        period = self.pattern.period
-        return (place[0] % period, place[1] % period) not in self._coloured
+        return bool(self._clear[place[0] % self.pattern.period, place[1] % self.pattern.period])
 
     @cached_property
-    def _coloured(self) -> set[Place]:
-        return {(row, column) for row, column, _ in self.pattern.sites}
+    def _clear(self) -> BoolArray:
+        return self.pattern.panchromatic_mask((self.pattern.period,) * 2, self.pattern.block_origin)
+
+
+def _moved(place: Place, axis: int, step: int) -> Place:
+    """The place some steps further along an axis: 0 down, 1 right."""
+    return (place[0], place[1] + step) if axis == 1 else (place[0] + step, place[1])
 
 
 def exact(weights: DoubleArray) -> list[float]:

@@ -26,7 +26,7 @@ from tools.scenes.drawn.builtin import builtin_scene
 
 RIGHT, REFUSED, REMARK, SILENT, MENDED, ASTRAY = "right", "refused", "remark", "SILENT", "mended", "LED ASTRAY"
 WRONG = ("stride", "width", "padding", "format", "period", "origin", "diagonal", "bits", "height", "packing", "everything")
-_SENT = {name: min(packing.bits, 14 if packing.place else 12) for name, packing in FORMATS.items()}  # bits of a sample
+_SENT = {name: min(packing.bits, 12 if packing.words else 14) for name, packing in FORMATS.items()}  # bits of a sample
 _ORDERS = {"RGGB": ("GRBG", "GBRG"), "GRBG": ("RGGB", "BGGR"), "GBRG": ("RGGB", "BGGR"), "BGGR": ("GRBG", "GBRG")}
 _MOST_STEPS = 6
 

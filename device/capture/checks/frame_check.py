@@ -9,10 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 from shared.errors import InputError
 
-from ..frames import RawFrame
-from ..sensor import Sensor
-from .look import Look
-from .proofs import proofs
+from ..frames import RawFrame, Sensor
+from .proofs import Look, proofs
 
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
@@ -21,14 +19,33 @@ _COLOURS = f"the frame does not show whether each colour is where `pattern` says
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
 
-class FrameCheck:
-    """Compares frames with the description of their sensor, until some have confirmed it.
+def checked(
+    frames: Iterable[RawFrame], sensor: Sensor, note: Callable[[str], None], *, covered: bool = False
+) -> Iterator[RawFrame]:
+    """Pass frames on, and look at them until some have confirmed the description of their sensor.
 
-    sensor: the description.
+    note: called with each sentence on what a frame leaves open, once.
     covered: whether the lens is covered. Then all that is checked is that no sample is too large or lit: the rest takes light.
+    Raises InputError, before the frame is passed on, at the first that proves the description wrong; it names the likely right one.
     """
+    check = _Check(sensor, covered=covered)
+    told: set[str] = set()
+    for frame in frames:
+        try:
+            remarks = check.look(frame)
+        except InputError as error:
+            raise InputError(frame.named(error)) from None
+        for remark in remarks:
+            if remark not in told:
+                note(remark)
+                told.add(remark)
+        yield frame
 
-    def __init__(self, sensor: Sensor, *, covered: bool = False) -> None:
+
+class _Check:
+    """What the frames so far have confirmed. For the arguments see `checked`."""
+
+    def __init__(self, sensor: Sensor, *, covered: bool) -> None:
         self._sensor, self._covered = sensor, covered
         self._seen = self._confirmed = 0
         self._colours = self._bits = False
@@ -40,10 +57,8 @@ class FrameCheck:
         Raises InputError, with the likely right value, if the frame proves something wrong.
         """
         self._seen += 1
-        rarely = self._seen & (self._seen - 1) == 0
-        if not rarely and (self._covered or self._confirmed >= _TWICE):
-            return []
-        if self._confirmed >= _TWICE and self._colours and self._bits:
+        rarely, shown = self._seen & (self._seen - 1) == 0, self._confirmed >= _TWICE
+        if (shown and self._colours and self._bits) or ((self._covered or shown) and not rarely):
             return []
         look = Look(frame, self._sensor, confirmed=self._confirmed > 0, thorough=rarely)
         if not self._covered and not look.found and look.levels.are_dark():
@@ -52,37 +67,11 @@ class FrameCheck:
         if proof := next(filter(None, found), None):
             told = f"the frame is not as described: {proof.seen}; likely {proof.likely}"
             raise InputError(f"{told}. If the description is right, add `unchecked`")
-        return [] if self._covered else self._left_open(look)
-
-    def _left_open(self, look: Look) -> list[str]:
-        if not look.shown:
-            return [_UNPROVEN]
+        if self._covered or not look.shown:
+            return [] if self._covered else [_UNPROVEN]
         self._confirmed += 1
         self._colours |= look.coloured is not None
         unsettled = look.levels.unsettled()
         self._bits |= not unsettled
         left = [] if self._colours else [_COLOURS if look.pattern.is_scattered else _GREENS]
         return left if self._bits else [*left, f"{unsettled}{_NEXT}"]
-
-
-def checked(
-    frames: Iterable[RawFrame], sensor: Sensor, note: Callable[[str], None], *, covered: bool = False
-) -> Iterator[RawFrame]:
-    """Pass frames on, and look at them until some have confirmed the description of their sensor.
-
-    note: called with each sentence on what a frame leaves open, once.
-    covered: whether the lens is covered, so that checks that take light are left out.
-    Raises InputError, before the frame is passed on, at the first that proves the description wrong; it names the likely right one.
-    """
-    check = FrameCheck(sensor, covered=covered)
-    told: set[str] = set()
-    for frame in frames:
-        try:
-            remarks = check.look(frame)
-        except InputError as error:
-            raise InputError(f"{frame.source}: {error}" if frame.source else str(error)) from None
-        for remark in remarks:
-            if remark not in told:
-                note(remark)
-                told.add(remark)
-        yield frame

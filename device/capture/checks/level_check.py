@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shared import CfaPattern, SensorCalibration
-from shared.arrays import CodeArray
+from shared.arrays import BoolArray, CodeArray
 
 from .pattern_search import Tiles
 
@@ -30,6 +30,11 @@ class Proof(NamedTuple):
     likely: str
 
 
+def end_of(flags: BoolArray) -> int:
+    """Number of elements up to the last True; 0 if there is none."""
+    return len(flags) - int(flags[::-1].argmax()) if flags.any() else 0
+
+
 def columns_of_light(codes: CodeArray, black: float, white: int) -> int:
     """Number of columns before those at the end of all rows that hold padding: a value that is the same in every row.
 
@@ -37,17 +42,13 @@ def columns_of_light(codes: CodeArray, black: float, white: int) -> int:
 
     codes: a frame, (H, W).
     """
-    width: int = codes.shape[1]
-    even = codes.max(axis=0) == codes.min(axis=0)
-    if even.all() or not even[-1]:
-        return width
-    kept = int(np.flatnonzero(~even)[-1]) + 1
+    uneven = codes.max(axis=0) > codes.min(axis=0)
+    if not (kept := end_of(uneven)):
+        return len(uneven)
     ends = codes[0, kept:]
     dark = ends < black * _DEEP
-    other = (ends < white) & (abs(ends - black) > 1) & (not even[:kept].any())
-    padding = dark | other | (ends > white)
-    last = np.flatnonzero(~padding)
-    return kept + int(last[-1]) + 1 if last.size else kept
+    other = (ends < white) & (abs(ends - black) > 1) & uneven[:kept].all()
+    return kept + end_of(~(dark | other | (ends > white)))
 
 
 class Levels:
@@ -60,53 +61,50 @@ class Levels:
 
     def __init__(self, codes: CodeArray, calibration: SensorCalibration, *, are_words: bool) -> None:
         self._codes, self._calibration, self._are_words = codes, calibration, are_words
-        self._highest = int(codes.max())
+        self._declared, self._highest = calibration.bits, int(codes.max())
         self._black = float(np.mean(calibration.black_level))
-        self._margin = max(_MARGIN * self._black, _LEAST_MARGIN * (1 << calibration.bits))
+        self._margin = max(_MARGIN * self._black, _LEAST_MARGIN * (1 << self._declared))
         self._low, self._high = (float(np.percentile(codes[::8, ::8], part)) for part in (_DEFECTS, 100 - _DEFECTS))
         # With all samples alike, as in the dark, zeros at the end say nothing.
         used = int(np.bitwise_or.reduce(codes, axis=None))
         shift = (used & -used).bit_length() - 1 if used else 0
         self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
-
-        self._bits = max(self._highest.bit_length(), min(calibration.bits, _LEAST))
-        self._bits += self._bits % 2
+        bits = max(self._highest.bit_length(), min(self._declared, _LEAST))
+        self._bits = bits + bits % 2
 
     def wrong(self, *, in_right_format: bool) -> Proof | None:
         """What they prove wrong, and the remedy; None if nothing.
 
         in_right_format: the frame shows a pattern, so that its format is right; otherwise that may be what is wrong.
         """
-        bits = self._bits
-        seen = self._impossible(self._calibration.bits, bits)
-        if not seen:
+        if not (seen := self._impossible()):
             return None
-        if in_right_format or self._seem_covered(bits):
-            return Proof(seen, self._likely(bits))
+        if in_right_format or self._seem_covered():
+            return Proof(seen, self._likely())
         return Proof(seen, "another `pixel_format`, `stride`, `sensor_bits`, or `camera` with its levels")
 
     def lit(self) -> Proof | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
-        if self._bits > self._calibration.bits:
-            seen = f"a sample is {self._highest}, more than {self._calibration.bits} bits hold"
-            return Proof(seen, self._likely(self._bits))
-        if not self._are_narrow(self._calibration.bits):
+        if self._bits > self._declared:
+            return Proof(self._impossible(), self._likely())
+        if not self._are_narrow(self._declared):
             seen = f"its samples are {self._low:.0f} to {self._high:.0f}, and those of a dark frame are nearly equal"
             return Proof(seen, "light on the sensor (cover the lens, or leave `covered` out), or another `pixel_format`")
         return None
 
-    def _impossible(self, declared: int, bits: int) -> str:
-        if bits > declared:
-            return f"a sample is {self._highest}, more than {declared} bits hold"
+    def _impossible(self) -> str:
+        """What no frame of the sensor is like; "" if nothing."""
+        if self._bits > self._declared:
+            return f"a sample is {self._highest}, more than {self._declared} bits hold"
         mean, darkest = float(self._codes.mean()), float(Tiles.of(self._codes).parts.mean(axis=(1, 2)).min())
         if mean < self._black - self._margin:
             return f"the mean of all samples is {mean:.0f}, darker than black, which is {self._black:.0f}"
         if darkest < self._black * _DEEP:
             return f"a part of it has a mean of {darkest:.0f}, darker than black, which is {self._black:.0f}"
-        if bits < declared and self._highest == (1 << bits) - 1:
+        if self._bits < self._declared and self._highest == (1 << self._bits) - 1:
             clipped, below = (int((self._codes == code).sum()) for code in (self._highest, self._highest - 1))
             if clipped > 4 * below + _PILE:
-                limits = f"the highest code of {bits} bits, not at {self._calibration.white_level}"
+                limits = f"the highest code of {self._bits} bits, not at {self._calibration.white_level}"
                 return f"its light is clipped at {self._highest}, {limits}"
         return ""
 
@@ -116,13 +114,12 @@ class Levels:
 
     def unsettled(self) -> str:
         """A remark on what they leave open; "" if nothing. Packed samples always have the bits of their format."""
-        declared = self._calibration.bits
+        declared = self._declared
         if not self._are_words:
             return ""
         if self._shift >= _UNUSED and declared < _WORD:
-            return (
-                f"its samples never use the lowest {self._shift} bits: they may be shifted up; then `sensor_bits={_WORD}` is right"
-            )
+            shifted = f"its samples never use the lowest {self._shift} bits: they may be shifted up"
+            return f"{shifted}; then `sensor_bits={_WORD}` is right"
         if declared - self._highest.bit_length() >= _UNUSED:
             dim = f"its samples never use the highest of {declared} bits: the light is dim"
             return f"{dim}, or they have fewer; then give `sensor_bits`"
@@ -143,23 +140,24 @@ class Levels:
                 ratios.append(part[~panchromatic].mean() / level)
         return len(ratios) > _PILE and bool(np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME)
 
-    def _likely(self, bits: int) -> str:
-        if self._seem_covered(bits):
+    def _likely(self) -> str:
+        if self._seem_covered():
             return (
                 "`covered`, if the lens is covered, and `black=N` with the sensor's black level if it is known; or another "
                 "`pixel_format`, `stride` or `sensor_bits`"
             )
+        bits = self._bits
         if self._shift >= _UNUSED:
             bits = _WORD
         elif bits < 12 and self._low > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
             bits = 12
-        if self._are_words and bits != self._calibration.bits:
+        if self._are_words and bits != self._declared:
             return f"`sensor_bits={bits}`"
         return "`black=N` with the sensor's own black level, another `pixel_format`, or `camera` with its levels"
 
-    def _seem_covered(self, bits: int) -> bool:
+    def _seem_covered(self) -> bool:
         """Whether they may be a dark frame's, of a sensor whose black level is lower."""
-        return self._are_narrow(bits) and self._highest < self._black
+        return self._are_narrow(self._bits) and self._highest < self._black
 
     def _are_narrow(self, bits: int) -> bool:
         return self._high - self._low < _NARROW * (1 << bits)

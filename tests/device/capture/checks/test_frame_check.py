@@ -7,8 +7,7 @@ import pytest
 
 from device.capture import Sensor
 from device.capture.checks.frame_check import checked
-from device.capture.checks.layout_search import _SEARCHED, best_reading, refined
-from device.capture.checks.stride_search import likely_strides
+from device.capture.checks.layout_search import _SEARCHED, LayoutSearch, likely_strides
 from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
@@ -119,10 +118,10 @@ def test_rows_resemble_each_other_in_words_whose_lower_bytes_are_noise(name: str
 @pytest.mark.parametrize("shift", [-3, 3])
 def test_rows_that_are_shifted_by_two_pixels_show_a_checkerboard_less_clearly(shift: int) -> None:
     data = pack(np.hstack(np.split(codes(KODAK), 8)), "raw12")
-    described = FrameLayout(2048, 24, "raw12", 3100)
-    reading = best_reading(data, described, KODAK, [3072 + shift])
+    search = LayoutSearch(data, FrameLayout(2048, 24, "raw12", 3100), KODAK)
+    reading = search.best([3072 + shift])
     assert reading.stride == 3072 + shift
-    assert refined(data, described, KODAK, reading).stride == 3072
+    assert search.refined(reading).stride == 3072
 
 
 @pytest.mark.parametrize(("name", "width"), [("raw10", 232), ("raw12", 262), ("u16", 250)])
