@@ -6,11 +6,12 @@ DNG files, TIFF files and Exif blocks share it. It is written little-endian, in 
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from fractions import Fraction
 from io import BytesIO
 from itertools import chain
 from typing import BinaryIO
+
+from tifffile import DATATYPE, TIFF
 
 from .errors import InputError
 
@@ -20,24 +21,13 @@ LARGEST = 2**32  # bytes: offsets have 32 bits
 _HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # the header, and where in it the offset of the first directory belongs
 
 
-class FieldType(IntEnum):
-    """TIFF field types that Panchroma writes."""
-
-    BYTE = 1
-    ASCII = 2
-    SHORT = 3
-    LONG = 4
-    RATIONAL = 5
-    UNDEFINED = 7
-    SRATIONAL = 10
-    DOUBLE = 12
-
+FieldType = DATATYPE
+RATIOS = (FieldType.RATIONAL, FieldType.SRATIONAL)
+"""Field types of which a value is two numbers, numerator and denominator."""
 
 # The fields of a directory by tag. A field is (type, values); values are bytes for BYTE and UNDEFINED, str for ASCII (written as
 # UTF-8 with a final NUL), otherwise numbers, or the bytes of numbers in little-endian order, which are written as they are.
 Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
-
-_FORMATS = {FieldType.SHORT: "H", FieldType.LONG: "I", FieldType.RATIONAL: "2I", FieldType.SRATIONAL: "2i", FieldType.DOUBLE: "d"}
 
 
 @dataclass
@@ -116,11 +106,19 @@ def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int
         data = values.encode("utf-8", "replace").replace(b"\0", b"") + b"\0"
         return len(data), data
     if isinstance(values, bytes):
-        return len(values) // struct.calcsize(f"<{_FORMATS.get(kind, 's')}"), values
-    if kind in (FieldType.RATIONAL, FieldType.SRATIONAL):
-        pairs = [number for value in values for number in _ratio(value, kind)]
-        return len(values), struct.pack(f"<{len(pairs)}{_FORMATS[kind][-1]}", *pairs)
-    return len(values), struct.pack(f"<{len(values)}{_FORMATS[kind]}", *values)
+        return len(values) // value_bytes(kind), values
+    numbers = [number for value in values for number in _ratio(value, kind)] if kind in RATIOS else values
+    return len(values), struct.pack(f"<{len(numbers)}{number_format(kind)}", *numbers)
+
+
+def number_format(kind: int) -> str:
+    """The letter by which `struct` knows the numbers of a field type; rational values have two of them."""
+    return TIFF.DATA_FORMATS[kind][-1]
+
+
+def value_bytes(kind: int) -> int:
+    """Bytes of a value of a field type; 0 for a type that TIFF does not know."""
+    return struct.calcsize(f"={TIFF.DATA_FORMATS.get(kind, '')}")
 
 
 def _ratio(value: float, kind: FieldType) -> tuple[int, int]:

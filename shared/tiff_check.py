@@ -4,17 +4,15 @@ tifffile and Pillow create a Python object for every number that a field declare
 malicious file of some megabytes can thus fill gigabytes of memory or keep them busy for hours.
 """
 
-import struct
 from collections.abc import Container, Sequence
 from typing import IO, Any
 
 from .errors import InputError
-from .tiff_reading import BYTES, MOST_FIELDS, Structure
+from .tiff_reading import BYTES, MOST_FIELDS, Entry, Structure
 
 _SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
 _TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
-_OFFSETS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
-_SIZES = dict(zip(range(1, 19), (1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8), strict=True))  # bytes of a value, by type
+_OFFSETS = (4, 13, 16, 18)  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 _MOST_DIRECTORIES = 64
 _MOST_NUMBERS = 1 << 16  # per field: offsets of the 64 x 64 tiles of 268 megapixels, or of strips of one row
 _MOST_BYTES = 16 << 20  # per field that is read
@@ -53,7 +51,7 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
             if held > _MOST_OVERLAP * end:
                 raise _excessive(f"fields of {held} bytes in {end} bytes")
         return following != 0
-    except (EOFError, struct.error):
+    except EOFError:
         raise InputError(f"damaged: the file ends after {end} bytes, before its directory; copy the file again") from None
     finally:
         file.seek(0)
@@ -84,25 +82,26 @@ def _directory(structure: Structure, place: int, read: Container[int] | None) ->
         raise EOFError
     below: list[int] = []
     held = 0
-    for tag, kind, length, value in entries:
-        if read is None or tag in read or tag in _TREE:
-            _check_field(tag, kind, length)
-            held += min(structure.end, length * _SIZES.get(kind, 0))
-        if tag in _TREE and kind in _OFFSETS:
-            size = length * struct.calcsize(structure.order + _OFFSETS[kind])
-            offsets = value if size <= len(value) else structure.read(structure.offset_in(value), size)
-            below += struct.unpack_from(f"{structure.order}{length}{_OFFSETS[kind]}", offsets)
+    for entry in entries:
+        if read is None or entry.tag in read or entry.tag in _TREE:
+            _check_field(entry)
+            held += min(structure.end, entry.size)
+        if entry.tag in _TREE and entry.kind in _OFFSETS:
+            offsets = structure.values(entry)
+            if len(offsets) < entry.size:
+                raise EOFError
+            below += map(int, structure.numbers(entry.kind, offsets))
     # An offset beyond the end of the file is harmless: there is nothing to read.
     return [each for each in below if each < structure.end], after, held
 
 
-def _check_field(code: int, kind: int, length: int) -> None:
-    if code in _TREE and length > _MOST_DIRECTORIES:
-        raise _excessive(f"{length} directories in field {code}")
-    if kind in BYTES and length > _MOST_BYTES:
-        raise _excessive(f"{length} bytes in field {code}")
-    if kind not in BYTES and length > _MOST_NUMBERS:
-        raise _excessive(f"{length} numbers in field {code}")
+def _check_field(entry: Entry) -> None:
+    if entry.tag in _TREE:
+        most, things = _MOST_DIRECTORIES, "directories"
+    else:
+        most, things = (_MOST_BYTES, "bytes") if entry.kind in BYTES else (_MOST_NUMBERS, "numbers")
+    if entry.length > most:
+        raise _excessive(f"{entry.length} {things} in field {entry.tag}")
 
 
 def _excessive(what: str) -> InputError:

@@ -4,10 +4,12 @@ Only what is asked for is read. Whatever is damaged counts as missing: these fie
 """
 
 import struct
-from collections.abc import Container
+from collections.abc import Set
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import IO, NamedTuple
+
+from .tiff import RATIOS, number_format, value_bytes
 
 MOST_FIELDS = 1024
 """Fields of a directory that are looked at; the largest in use have a hundred."""
@@ -16,9 +18,6 @@ BYTES = (1, 2, 6, 7)
 _BIG = 43
 _EXIF, _GPS = 34665, 34853
 _LONGEST = 1 << 16  # bytes of a field
-# Number format of a field type, and numbers per value; BYTE, ASCII, SBYTE and UNDEFINED stay bytes.
-_NUMBERS = {3: "H", 4: "I", 5: "I", 8: "h", 9: "i", 10: "i", 11: "f", 12: "d", 13: "I", 16: "Q", 17: "q", 18: "Q"}
-_PAIRS = (5, 10)  # RATIONAL, SRATIONAL: numerator and denominator
 
 
 class Entry(NamedTuple):
@@ -28,6 +27,11 @@ class Entry(NamedTuple):
     kind: int
     length: int
     value: bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes of all values; 0 if the type is unknown."""
+        return self.length * value_bytes(self.kind)
 
 
 class Structure:
@@ -42,13 +46,13 @@ class Structure:
         self._file, self._place = file, place
         self.end = file.seek(0, 2) - place
         header = self.read(0, 16)
-        self.order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
+        self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
         # Makers of cameras put numbers of their own where TIFF has 42.
-        big = len(header) == 16 and bool(self.order) and struct.unpack_from(f"{self.order}H", header, 2)[0] == _BIG
-        self._count, self._number = (f"{self.order}{letter}" for letter in ("QQ" if big else "HI"))
-        self._entry = f"{self.order}HHQ8s" if big else f"{self.order}HHI4s"
-        known = self.order and len(header) >= 8
-        self.first: int = struct.unpack_from(self._number, header, 8 if big else 4)[0] if known else 0
+        big = len(header) == 16 and bool(self._order) and struct.unpack_from(f"{self._order}H", header, 2)[0] == _BIG
+        layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
+        self._count, self._entry, self._offset = (struct.Struct(self._order + layout) for layout in layouts)
+        known = self._order and len(header) >= 8
+        self.first: int = self._offset.unpack_from(header, 8 if big else 4)[0] if known else 0
 
     def read(self, offset: int, size: int) -> bytes:
         """The bytes at an offset, as many as there are."""
@@ -57,28 +61,35 @@ class Structure:
         self._file.seek(self._place + offset)
         return self._file.read(size)
 
-    def offset_in(self, value: bytes) -> int:
-        """The offset that an entry's value holds."""
-        return struct.unpack(self._number, value)[0]
-
     def directory(self, offset: int) -> tuple[int, list[Entry], int]:
         """The directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.
 
         No more than MOST_FIELDS fields are read, and no more than the file has. Raises EOFError if it ends before the directory.
         """
-        head, size, tail = (struct.calcsize(each) for each in (self._count, self._entry, self._number))
-        counted = self.read(offset, head)
-        if len(counted) < head:
+        counted, size = self.read(offset, self._count.size), self._entry.size
+        if len(counted) < self._count.size:
             raise EOFError
-        (count,) = struct.unpack(self._count, counted)
-        table = self.read(offset + head, min(count, MOST_FIELDS) * size)
-        after = self.read(offset + head + count * size, tail)
-        whole = table[: len(table) // size * size]
+        (count,), start = self._count.unpack(counted), offset + len(counted)
+        table = self.read(start, min(count, MOST_FIELDS) * size)
+        after = self.read(start + count * size, self._offset.size)
+        entries = [Entry._make(each) for each in self._entry.iter_unpack(table[: len(table) // size * size])]
+        return count, entries, self._offset.unpack(after)[0] if len(after) == self._offset.size else 0
+
+    def values(self, entry: Entry, longest: int | None = None) -> bytes:
+        """The bytes of an entry's values, at most `longest`; none unless all of them are in the file."""
+        if entry.size <= len(entry.value):
+            return entry.value[: entry.size]
+        (offset,) = self._offset.unpack(entry.value)
         return (
-            count,
-            [*map(Entry._make, struct.iter_unpack(self._entry, whole))],
-            self.offset_in(after) if len(after) == tail else 0,
+            self.read(offset, entry.size if longest is None else min(entry.size, longest))
+            if offset + entry.size <= self.end
+            else b""
         )
+
+    def numbers(self, kind: int, values: bytes) -> tuple[float, ...]:
+        """The numbers in the bytes of values; rational values are two each."""
+        letter = number_format(kind)
+        return struct.unpack(f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values)
 
 
 @dataclass(frozen=True)
@@ -96,7 +107,7 @@ class StoredField:
     @property
     def numbers(self) -> tuple[float, ...]:
         """Its values; those of rational numbers without value (denominator 0) are NaN."""
-        if self.kind not in _PAIRS:
+        if self.kind not in RATIOS:
             return tuple(self.values)
         pairs = zip(self.values[::2], self.values[1::2], strict=True)
         return tuple(over / under if under else float("nan") for over, under in pairs)
@@ -114,7 +125,7 @@ class StoredDirectories:
     gps: StoredFields = field(default_factory=dict)
 
 
-def read_directories(file: IO[bytes], wanted: Container[int], place: int = 0) -> StoredDirectories:
+def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> StoredDirectories:
     """The wanted fields of a TIFF structure; nothing for anything else.
 
     file: seekable; its position changes.
@@ -122,41 +133,28 @@ def read_directories(file: IO[bytes], wanted: Container[int], place: int = 0) ->
     place: where in the file the structure begins; its offsets count from there.
     """
     structure = Structure(file, place)
-    main, pointers = _directory(structure, structure.first, wanted)
-    below = [_directory(structure, _offset(pointers.get(tag)), wanted)[0] for tag in (_EXIF, _GPS)]
+    main = _directory(structure, structure.first, wanted | {_EXIF, _GPS})
+    below = [_directory(structure, _offset(main.pop(tag, None)), wanted) for tag in (_EXIF, _GPS)]
     return StoredDirectories(main, *below)
 
 
-def _directory(structure: Structure, offset: int, wanted: Container[int]) -> tuple[StoredFields, StoredFields]:
-    """The wanted fields of the directory at `offset` (0 = there is none), and those that point to other directories."""
+def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFields:
+    """The wanted fields of the directory at `offset`; 0 = there is none."""
     found: StoredFields = {}
-    pointers: StoredFields = {}
     with suppress(EOFError):
         for entry in structure.directory(offset)[1] if offset else ():
-            into = pointers if entry.tag in (_EXIF, _GPS) else found
-            if (entry.tag in wanted or into is pointers) and entry.tag not in into and (stored := _field(structure, entry)):
-                into[entry.tag] = stored
-    return found, pointers
+            if entry.tag in wanted and entry.tag not in found and (stored := _field(structure, entry)):
+                found[entry.tag] = stored
+    return found
 
 
 def _field(structure: Structure, entry: Entry) -> StoredField | None:
-    kind, value = entry.kind, entry.value
-    letter = "s" if kind in BYTES else _NUMBERS.get(kind)
-    if letter is None or not entry.length:
-        return None
-    size = entry.length * struct.calcsize(f"={letter}") * (2 if kind in _PAIRS else 1)
-    if size > len(value):
-        offset = structure.offset_in(value)
-        if (size > _LONGEST and letter != "s") or offset + size > structure.end:
-            return None
-        value = structure.read(offset, min(size, _LONGEST))
-    if letter == "s":
-        return StoredField(kind, value[:size])
-    if len(value) < size:
-        return None
-    return StoredField(kind, struct.unpack_from(f"{structure.order}{size // struct.calcsize(f'={letter}')}{letter}", value))
+    values = structure.values(entry, _LONGEST)
+    if entry.kind in BYTES:
+        return StoredField(entry.kind, values) if values else None
+    return StoredField(entry.kind, structure.numbers(entry.kind, values)) if values and entry.size <= _LONGEST else None
 
 
 def _offset(field: StoredField | None) -> int:
-    value = field.numbers[0] if field and field.values and not isinstance(field.values, bytes) else 0
+    value = field.numbers[0] if field and not isinstance(field.values, bytes) else 0
     return int(value) if 0 < value < 2**63 else 0
