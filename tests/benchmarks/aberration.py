@@ -12,6 +12,7 @@ patches' chrominance, each with
 At the end means of the scenes, and how much comes back of what is lost.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
@@ -21,7 +22,7 @@ from offline import RenderSettings, render
 from shared import Aberration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tests.benchmarks.lens import Corners, compare, photographed
+from tests.benchmarks.harness import Corners, compare, photographed
 from tests.tools.calibration.known_camera import stating
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import Edges, find_edges
@@ -59,12 +60,11 @@ def lens_of(rgb: FloatArray, corners: Corners) -> Aberration:
 
 def from_edges(scenes: Mapping[str, FloatArray], sigma: float, corners: Corners) -> dict[tuple[int, ...], Aberration]:
     """The aberration that shots of scenes of one shape show together, by shape."""
-    shots: dict[tuple[int, ...], list[Edges]] = {}
+    shots, found = defaultdict[tuple[int, ...], list[Edges]](list), {}
     for source, rgb in scenes.items():
-        shot = photographed(rgb, sigma, aberration=lens_of(rgb, corners))
         with suppress(InputError):
-            shots.setdefault(rgb.shape, []).append(find_edges(source, shot, filled_luminance))
-    found = {}
+            shot = photographed(rgb, sigma, aberration=lens_of(rgb, corners))
+            shots[rgb.shape].append(find_edges(source, shot, filled_luminance))
     for shape, edges in shots.items():
         with suppress(InputError):
             if (shown := measure_aberration(edges)).aberration:
@@ -74,5 +74,4 @@ def from_edges(scenes: Mapping[str, FloatArray], sigma: float, corners: Corners)
 
 
 if __name__ == "__main__":
-    title = "luminance, chrominance, of the whole, 10 % (dB)"
-    compare(__doc__, title, (1.0, -1.0), pictures, figures)
+    compare(__doc__, "luminance, chrominance, of the whole, 10 % (dB)", (1.0, -1.0), pictures, figures)

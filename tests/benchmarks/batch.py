@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from offline import use_threads
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared import Mosaic, SensorCalibration, write_dng
 from shared.sensor import simulate_additive
+from tests.benchmarks.harness import PATTERN
 from tests.dask_cluster import cluster
 from tests.tools.command import start
 from tools.host.jobs import Job
@@ -39,35 +40,26 @@ MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
 def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
     """Save shots of the built-in scene that differ in their noise."""
     folder.mkdir()
-    scene, pattern = builtin_scene(*size), CfaPattern.bayer()
-    calibration = SensorCalibration.of_bits(12)
-    preview = np.zeros((8, 8, 3), np.uint8)
+    scene, calibration = builtin_scene(*size), SensorCalibration.of_bits(12)
     for seed in range(count):
-        taken = simulate_additive(scene.rgb, pattern, calibration, 0.01, np.random.default_rng(seed))
-        write_dng(folder / f"{seed:04}.dng", Mosaic(taken.codes, pattern, taken.calibration, CaptureMetadata()), preview)
-
-
-def command(*arguments: str | Path) -> "subprocess.Popen[str]":
-    """`panchroma render`, started."""
-    return start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
+        taken = simulate_additive(scene.rgb, PATTERN, calibration, 0.01, np.random.default_rng(seed))
+        write_dng(folder / f"{seed:04}.dng", Mosaic(taken.codes, PATTERN, taken.calibration), np.zeros((8, 8, 3), np.uint8))
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:
     """(wall-clock seconds, processor seconds) of one command; the processor time of a scheduler's workers is not included."""
-    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    process = command(*arguments)
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    process = start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
     said, _ = process.communicate()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if process.returncode or not all(json.loads(line)["ok"] for line in said.splitlines()):
         sys.exit(f"failed: {' '.join(map(str, arguments))}")
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return time.perf_counter() - start, used
+    return time.perf_counter() - begun, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def fresh(top: Path, name: str) -> Path:
-    folder = top / name
-    folder.mkdir()
-    return folder
+    (top / name).mkdir()
+    return top / name
 
 
 def parts(top: Path) -> None:

@@ -18,36 +18,35 @@ that have at least 300 pixels a side when reduced. The rivals need the package `
 figures, --without-rivals leaves them out.
 """
 
-import argparse
 import json
 import time
 import zlib
+from collections import defaultdict
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from offline import BEST, PRESETS, RenderSettings, render
+from offline import BEST, PRESETS, render
 from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
+from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst
-from tests.data import DATA
+from tests.benchmarks.harness import PATTERN, options, photographs
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr
-from tools.evaluation.tiles import Tile
 from tools.host.versions import package_version
 from tools.scenes.load import load_scene
 
-PERIOD, REDUCED, LEAST = 6, 2, 300
-PATTERN = CfaPattern.bayer(PERIOD)
-PIXELS, DEGREES = 3.0, 0.3
-STEPS = (0, -2, 2)  # of pixel shift, pixels, the reference first
+REDUCED, LEAST = 2, 300
+STEPS = list(product((0, -2, 2), repeat=2))  # of pixel shift, down and right, pixels, the reference first
 MEASURES = "median", "10 %", "whole"
 PLANES = "RGB", "luminance", "chrominance"
 DIFFERENCES = ("burst", "best"), ("burst", "unlearned"), ("pixel shift", "unlearned"), ("burst", "bayer burst")
@@ -59,7 +58,7 @@ class Series:
 
     light: float32 (H, W, 3) of each frame, scene units; the first is the reference.
     motions: the true ones.
-    shifted: frames of an exact pixel shift with the same reference; steps: their motions.
+    shifted: frames of an exact pixel shift by STEPS, with the same reference.
     neutral: what white reads.
     """
 
@@ -67,7 +66,6 @@ class Series:
     light: list[FloatArray]
     motions: list[Motion]
     shifted: list[FloatArray]
-    steps: list[Motion]
     neutral: tuple[float, ...] | None
 
     @classmethod
@@ -81,13 +79,11 @@ class Series:
         sensor = next(burst_frames(scene.rgb, SimulatedBurst(1), rng, REDUCED)).rgb
         rows, columns = frames[0].rgb.shape[:2]
         top, left = (sensor.shape[0] - rows) // 2, (sensor.shape[1] - columns) // 2
-        steps = [(down, across) for down in STEPS for across in STEPS]
         return cls(
             source.stem,
             [frame.rgb for frame in frames],
             [frame.motion for frame in frames],
-            [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in steps],
-            [Motion((float(down), float(across))) for down, across in steps],
+            [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in STEPS],
             scene.neutral,
         )
 
@@ -99,13 +95,13 @@ class Found:
     figures: of each row, (plane, measure).
     """
 
-    figures: dict[str, list[DoubleArray]] = field(default_factory=dict)
+    figures: dict[str, list[DoubleArray]] = field(default_factory=lambda: defaultdict(list))
     ratios: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
     def add(self, row: str, picture: FloatArray, truth: FloatArray) -> None:
-        self.figures.setdefault(row, []).append(measured(picture, truth))
+        self.figures[row].append(measured(picture, truth))
 
 
 def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
@@ -130,29 +126,17 @@ def measure(series: Series, sigma: float, found: Found, pattern: CfaPattern = PA
     """Add the figures of our rows."""
     truth, frames = series.light[0], shots(series.light, sigma, pattern)
 
-    def alone(settings: RenderSettings) -> FloatArray:
-        return render(frames[0], settings).rgb
-
-    found.add("unlearned", alone(PRESETS["unlearned"]), truth)
+    found.add("unlearned", render(frames[0], PRESETS["unlearned"]).rgb, truth)
     started = time.perf_counter()
-    found.add("best", alone(BEST), truth)
+    found.add("best", render(frames[0], BEST).rgb, truth)
     rendered = time.perf_counter()
     picture, merged = merged_picture(frames)
     found.ratios.append((time.perf_counter() - rendered) / (rendered - started))
     found.add("burst", picture, truth)
-    found.add("pixel shift", merged_picture(shots(series.shifted, sigma, pattern), series.steps)[0], truth)
+    steps = [Motion((float(down), float(across))) for down, across in STEPS]
+    found.add("pixel shift", merged_picture(shots(series.shifted, sigma, pattern), steps)[0], truth)
     found.left_out += [f"{series.name}, frame {n + 1}: {frame.reason}" for n, frame in enumerate(merged.frames) if not frame.used]
     found.errors.append(alignment_error([frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape))
-
-
-def alignment_error(motions: list[Motion | None], true: list[Motion], shape: tuple[int, int]) -> float:
-    """Median distance of the places where motions see the pixels of the reference from the true places, pixels."""
-    distances = [
-        np.hypot(*(a - b for a, b in zip(motion.places(slice(None), shape), truth.places(slice(None), shape), strict=True)))
-        for motion, truth in zip(motions, true, strict=True)
-        if motion is not None
-    ]
-    return float(np.median(distances)) if distances else np.nan
 
 
 def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | None) -> None:
@@ -163,7 +147,7 @@ def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | No
     else:
         mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n])) for n, light in enumerate(series.light)]
         single = methods()["bm3d+dlmmse-wb" if sigma else "dlmmse-wb"].render(
-            CameraPair(PaperProtocol(sigma), 0, series.light[0], Tile.of_period(PERIOD).pattern, series.neutral)
+            CameraPair(PaperProtocol(sigma), 0, series.light[0], PATTERN, series.neutral)
         )
         pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral)}
         figures = {row: measured(picture, series.light[0]).tolist() for row, picture in pictures.items()}
@@ -171,7 +155,7 @@ def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | No
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_text(json.dumps(figures))
     for row, values in figures.items():
-        found.figures.setdefault(row, []).append(np.array(values))
+        found.figures[row].append(np.array(values))
 
 
 def report(found: Found, sigma: float, names: list[str], count: int) -> None:
@@ -204,16 +188,14 @@ def line(title: str, values: DoubleArray, sign: str = "") -> None:
 
 def main() -> None:
     """Print a table for each noise."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sigma", nargs="+", type=float, default=[0, 0.01, 0.03])
-    parser.add_argument("--frames", type=int, default=8)
-    parser.add_argument("--scenes", nargs="+", type=Path, metavar="SCENE", help="default: the test photographs")
-    parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the figures of the rivals")
-    parser.add_argument("--without-rivals", action="store_true")
-    parser.add_argument("--pattern", type=CfaPattern.of_letters, default=PATTERN, metavar="LETTERS", help="of red, green and blue")
-    arguments = parser.parse_args()
-    sources = arguments.scenes or sorted([*(DATA / "raw").glob("*"), *(DATA / "linear").glob("*")])
-    scenes = [series for source in sources if (series := Series.of(source, arguments.frames))]
+    named = {"nargs": "+", "metavar": "SCENE", "help": "default: the test photographs"}
+    folder = {"type": Path, "metavar": "DIR", "help": "folder that keeps the figures of the rivals"}
+    letters = {"type": CfaPattern.of_letters, "default": PATTERN, "metavar": "LETTERS", "help": "of red, green and blue"}
+    without = {"action": "store_true"}
+    arguments = options(
+        __doc__, sigma=[0.0, 0.01, 0.03], frames=8, scenes=named, rivals=folder, without_rivals=without, pattern=letters
+    )
+    scenes = [series for source in arguments.scenes or photographs() if (series := Series.of(Path(source), arguments.frames))]
     if not scenes:
         raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some: --scenes")
     merged_picture(shots(scenes[0].light[:2], 0.01, arguments.pattern))  # what is compiled now is not timed

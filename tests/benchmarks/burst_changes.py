@@ -6,27 +6,22 @@ import numpy as np
 
 from offline import render
 from offline.burst import merge_burst, render_burst_bands
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import BoolArray, FloatArray
+from shared import SensorCalibration
 from shared.sensor import simulate_additive
+from tests.benchmarks.harness import PATTERN, middle
 from tools.camera.burst import SimulatedBurst, burst_frames
+from tools.evaluation.metrics import psnr
 from tools.scenes.load import load_scene
 
 _SIGMAS = (0.0, 0.01, 0.03)
 _SIDE, _BORDER = 640, 15  # pixels: of the part of the scene, at full size; at the frame's edges, left out
 
 
-def decibels(picture: FloatArray, truth: FloatArray, where: BoolArray) -> float:
-    """PSNR of some pixels."""
-    return float(-10 * np.log10(np.square(picture[where] - truth[where]).mean()))
-
-
 def main() -> None:
     print("scene, sigma: PSNR single, burst where the thing was in any frame; and elsewhere")
     for path in sys.argv[1:]:
-        frames = list(
-            burst_frames(_middle(load_scene(path).rgb), SimulatedBurst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2)
-        )
+        rgb = middle(load_scene(path).rgb, _SIDE)
+        frames = list(burst_frames(rgb, SimulatedBurst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2))
         truth = frames[0].rgb
         row, column = np.indices(truth.shape[:2])
         things = [frame.thing for frame in frames if frame.thing]
@@ -35,16 +30,12 @@ def main() -> None:
         inside[_BORDER:-_BORDER, _BORDER:-_BORDER] = True
         for sigma in _SIGMAS:
             rng = np.random.default_rng(2)
-            shots = [simulate_additive(each.rgb, CfaPattern.bayer(6), SensorCalibration(), sigma, rng) for each in frames]
+            shots = [simulate_additive(each.rgb, PATTERN, SensorCalibration(), sigma, rng) for each in frames]
             single = render(shots[0]).rgb
             burst = np.concatenate(list(render_burst_bands(merge_burst(shots, reference=0))))
-            figures = [decibels(each, truth, where & inside) for where in (changed, ~changed) for each in (single, burst)]
+            places = [where & inside for where in (changed, ~changed)]
+            figures = [psnr(each[where][None], truth[where][None]) for where in places for each in (single, burst)]
             print(path, sigma, *(f"{figure:.2f}" for figure in figures), flush=True)
-
-
-def _middle(rgb: FloatArray) -> FloatArray:
-    top, left = (max(size - _SIDE, 0) // 2 for size in rgb.shape[:2])
-    return rgb[top : top + _SIDE, left : left + _SIDE]
 
 
 if __name__ == "__main__":

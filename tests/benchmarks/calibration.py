@@ -15,9 +15,8 @@ from shared.sensor import simulate_additive
 from tests.data import DATA
 from tests.tools.calibration.known_camera import MEASURED, PATTERNS, TRUTH, frame
 from tools.calibration.measure import conclude
-from tools.calibration.observations import Observations
+from tools.calibration.observations import Observations, measure_chart, measure_scene
 from tools.calibration.scene_gamma import fit_scene_gamma
-from tools.calibration.shot import measure_chart, measure_scene
 from tools.commands.calibrate import color_checker_xyz
 from tools.scenes.load import load_scene
 

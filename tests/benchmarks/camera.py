@@ -10,17 +10,17 @@ last byte of the JPEG received. `view` runs with the default options in a proces
 """
 
 import argparse
+import json
 import os
-import socket
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from http.client import HTTPConnection
+from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
+from statistics import median
 
 import imagecodecs
 import numpy as np
@@ -33,6 +33,7 @@ from shared import CfaPattern, SensorCalibration
 from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng
 from tests.benchmarks.frame import Frame
+from tests.benchmarks.harness import Work, alternate
 from tests.tools.command import start
 from tools.live.viewfinder import _jpeg
 
@@ -51,8 +52,7 @@ def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     for number in range(FRAMES):
         shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
         lines = shifted.astype("<u2").view(np.uint8) if name == "u16" else _packed(shifted, name)
-        frames.append(np.zeros((HEIGHT, layout.stride), np.uint8))
-        frames[-1][:, : layout.line_bytes] = lines[:, : layout.line_bytes]
+        frames.append(np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, layout.stride - layout.line_bytes))))
     return layout, frames
 
 
@@ -111,14 +111,12 @@ class Client:
     received: list[tuple[float, bytes]] = field(default_factory=list)
 
     def run(self) -> None:
-        with socket.create_connection(("127.0.0.1", self.port)) as connection:
-            connection.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
-            file = connection.makefile("rb", 1 << 16)
-            while line := file.readline():
-                if line.startswith(b"Content-Length: "):
-                    file.readline()
-                    jpeg = file.read(int(line[16:]))
-                    self.received.append((time.monotonic(), jpeg))
+        stream = asked(self.port, "/stream.mjpg")
+        while line := stream.readline():
+            if line.startswith(b"Content-Length: "):
+                stream.readline()
+                jpeg = stream.read(int(line[16:]))
+                self.received.append((time.monotonic(), jpeg))
 
     def number(self, jpeg: bytes, layout: FrameLayout) -> int:
         """The frame's number, modulo 2**MARKS."""
@@ -126,6 +124,13 @@ class Client:
         pixels = MARK * 2 * picture.shape[1] / layout.line_bytes  # of a mark
         centres = ((np.arange(MARKS) + 0.5) * pixels).astype(int)
         return int((picture[4:9, centres, 1].mean(axis=0) > 100) @ (1 << np.arange(MARKS)))
+
+
+def asked(port: int, path: str, method: str = "GET") -> HTTPResponse:
+    """The answer of `view`."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=60)
+    connection.request(method, path)
+    return connection.getresponse()
 
 
 def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
@@ -186,25 +191,17 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
 
 def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, float]:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    connection = HTTPConnection("127.0.0.1", port)
-    connection.request("GET", "/status")
-    dropped = float(connection.getresponse().read().partition(b'"dropped": ')[2].partition(b",")[0])
-    return {
-        "view": (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"),
-        "taken": len(camera.started),
-        "lost": camera.lost,
-        "shown": len(client.received),
-        "dropped": dropped,
-    }
+    view = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    dropped = json.load(asked(port, "/status"))["dropped"]
+    taken, shown = len(camera.started), len(client.received)
+    return {"view": view, "taken": taken, "lost": camera.lost, "shown": shown, "dropped": dropped}
 
 
 def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
     """Press the button `rate` times a second; (whether a shot was saved, seconds that the answer took) of each."""
     answers, due = [], time.monotonic()
     while (begun := time.monotonic()) < until:
-        connection = HTTPConnection("127.0.0.1", port, timeout=60)
-        connection.request("POST", "/capture")
-        answer = connection.getresponse()
+        answer = asked(port, "/capture", "POST")
         answer.read()
         answers.append((answer.status == 200, time.monotonic() - begun))
         due += 1 / rate
@@ -224,26 +221,20 @@ def stages(name: str, rounds: int = 9) -> None:
     picture = preview.run(mosaic)
     balanced = balance(mosaic)
 
-    def timed(title: str, work: Callable[[], object]) -> float:
-        found = []
-        for _ in range(rounds):
-            begun = time.process_time()
-            work()
-            found.append(time.process_time() - begun)
-        print(f"  {title:<36}{1e3 * np.median(found):7.1f} ms")
-        return float(np.median(found))
-
     print(f"{name}, processor time of a frame")
-    steps: dict[str, Callable[[], object]] = {
+    works: dict[str, Work] = {
         "receiving (one copy)": lambda: bytearray(data),
         "unpacking, mosaic": lambda: sensor.mosaic(frame),
         "white balance": lambda: balance(mosaic),
         "preview, 1 : 3": lambda: preview.run(balanced),
         "JPEG": lambda: _jpeg(picture),  # type: ignore[arg-type]
+        "a shot beside it, as DNG": lambda: encode_dng(balanced, picture),  # type: ignore[arg-type]
     }
-    total = sum(timed(title, work) for title, work in steps.items())
-    print(f"  {'all':<36}{1e3 * total:7.1f} ms: {os.cpu_count()} cores could show {(os.cpu_count() or 1) / total:.0f} a second")
-    timed("a shot beside it, as DNG", lambda: encode_dng(balanced, picture))  # type: ignore[arg-type]
+    steps = {title: median(seconds) for title, seconds in alternate(works, rounds, time.process_time).items()}
+    *parts, beside = (f"  {title:<36}{1e3 * seconds:7.1f} ms" for title, seconds in steps.items())
+    total = sum(list(steps.values())[:-1])
+    cores = os.cpu_count() or 1
+    print(*parts, f"  {'all':<36}{1e3 * total:7.1f} ms: {cores} cores could show {cores / total:.0f} a second", beside, sep="\n")
 
 
 def main() -> None:

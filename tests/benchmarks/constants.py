@@ -8,7 +8,6 @@ in the case where it is largest: constants may be chosen on the first half of th
 --markdown FILE prints the table of an earlier run's FILE. --only TEXT measures names that contain TEXT. -j N: threads.
 """
 
-import argparse
 import ast
 import json
 import os
@@ -34,6 +33,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.aberration import Aberration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
+from tests.benchmarks.harness import PATTERN, middle, options
 from tests.data import ROOT
 from tools.evaluation.metrics import BORDER, psnr, quality
 from tools.scenes.load import load_scene
@@ -75,11 +75,9 @@ def numbers() -> list[Number]:
     """Every setting and constant of `offline` that is a number, or several."""
     found = []
     for part in fields(BEST):
-        stage = getattr(BEST, part.name)
-        values = {each.name: getattr(stage, each.name) for each in fields(stage)}
-        found += [
-            Number(_SETTING, f"{part.name}.{name}", str(value)) for name, value in values.items() if scaled(value, 2.0) is not None
-        ]
+        for name, value in vars(getattr(BEST, part.name)).items():
+            if scaled(value, 2.0) is not None:
+                found.append(Number(_SETTING, f"{part.name}.{name}", str(value)))
     for path in sorted((ROOT / "offline").rglob("*.py")):
         if path.name not in _LEFT_OUT:
             found += constants_of(path.read_text(encoding="utf-8"), path.relative_to(ROOT / "offline").as_posix())
@@ -111,16 +109,14 @@ def constants_of(text: str, file: str) -> Iterator[Number]:
 def _is_number(node: ast.expr) -> bool:
     """Whether an expression consists of numbers alone."""
     match node:
-        case ast.Constant(value=value):
-            return isinstance(value, int | float) and not isinstance(value, bool)
-        case ast.UnaryOp(operand=operand):
-            return _is_number(operand)
+        case ast.Constant(value=int() | float() as value):
+            return not isinstance(value, bool)
+        case ast.UnaryOp(operand=part) | ast.Call(func=ast.Attribute(attr="float32"), args=[part]):
+            return _is_number(part)
         case ast.BinOp(left=left, right=right):
             return _is_number(left) and _is_number(right)
-        case ast.Tuple(elts=parts):
-            return bool(parts) and all(map(_is_number, parts))
-        case ast.Call(func=ast.Attribute(attr="float32"), args=[part]):
-            return _is_number(part)
+        case ast.Tuple(elts=[_, *_] as parts):
+            return all(map(_is_number, parts))
     return False
 
 
@@ -157,13 +153,13 @@ def with_setting(settings: RenderSettings, name: str, factor: float) -> RenderSe
 
 
 def _shot(scene: FloatArray, sigma: float, rng: np.random.Generator, *, known: bool = True, letters: str = "") -> Mosaic:
-    pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(6)
+    pattern = CfaPattern.of_letters(letters) if letters else PATTERN
     taken = simulate_additive(scene, pattern, SensorCalibration(), sigma, rng)
     return taken if known else replace(taken, calibration=replace(taken.calibration, noise=None))
 
 
 def _bright(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
-    taken = simulate_sensor(scene, CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False), 2.0, rng)
+    taken = simulate_sensor(scene, PATTERN, SensorCalibration.of_bits(12, headroom=False), 2.0, rng)
     return np.float32(0.5) * render(taken, settings).rgb
 
 
@@ -176,7 +172,7 @@ def _defective(scene: FloatArray, settings: RenderSettings, rng: np.random.Gener
 
 def _aberrant(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
     lens = Aberration(_LENS, (SIDE, SIDE))
-    return render(simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(aberration=lens), 0.01, rng), settings).rgb
+    return render(simulate_additive(scene, PATTERN, SensorCalibration(aberration=lens), 0.01, rng), settings).rgb
 
 
 def _burst(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
@@ -258,15 +254,9 @@ class Trial:
             f"import offline; assert offline.__file__.startswith({str(tree)!r})\n"
             f"from tests.benchmarks.constants import *; measure(Path({str(scenes)!r}), {name!r}, {factor}, {cases})"
         )
-        found = subprocess.run(  # in `tree`, whose `offline` comes before any other
-            [sys.executable, "-c", code],
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            cwd=tree,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return found.stdout
+        path, command = {**os.environ, "PYTHONPATH": str(ROOT)}, [sys.executable, "-c", code]
+        # In `tree`, whose `offline` comes before any other.
+        return subprocess.run(command, env=path, cwd=tree, capture_output=True, text=True, check=True).stdout
 
 
 def shown(changes: dict[str, list[list[float]]] | str) -> str:
@@ -292,32 +282,20 @@ def markdown(kept: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure, print a line for each number, and keep the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE")
-    parser.add_argument("-o", "--output", type=Path, default=Path("constants.json"), metavar="FILE")
-    parser.add_argument("--only", default="", metavar="TEXT")
-    parser.add_argument("-j", "--threads", type=int, default=1, metavar="N")
-    parser.add_argument("--markdown", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, "*", output=Path("constants.json"), only="", threads=1, markdown={"type": Path})
     if arguments.markdown:
         print(markdown(json.loads(arguments.markdown.read_text())))
         return
     wanted = [each for each in numbers() if arguments.only in each.title]
     kept: dict[str, Any] = json.loads(arguments.output.read_text()) if arguments.output.exists() else {}
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(arguments.threads) as pool:
-        trial = Trial(Path(folder), [middle(load_scene(scene).rgb) for scene in arguments.scenes])
+        trial = Trial(Path(folder), [middle(load_scene(scene).rgb, SIDE) for scene in arguments.scenes])
         tasks = {each.title: (each, [pool.submit(trial.of, each, factor) for factor in FACTORS]) for each in wanted}
         for title, (number, results) in tasks.items():
             changes = [each.result() for each in results]
             print(f"{title:42} {number.value:24} {shown(changes[0]):44} {shown(changes[1])}", flush=True)
             kept[title] = [number.value, *changes]
             arguments.output.write_text(json.dumps(kept))
-
-
-def middle(scene: FloatArray) -> FloatArray:
-    """SIDE x SIDE pixels in the middle of a scene."""
-    top, left = ((size - SIDE) // 2 for size in scene.shape[:2])
-    return np.ascontiguousarray(scene[top : top + SIDE, left : left + SIDE])
 
 
 if __name__ == "__main__":

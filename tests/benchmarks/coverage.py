@@ -7,7 +7,6 @@ refused, how many get the verdict "do not use it", and how often the 95 % interv
 error, in half widths: of gamma; of black level, gain and read noise, where frames measure them.
 """
 
-import argparse
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ import numpy as np
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
+from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
@@ -122,10 +122,10 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
         share = random.choice([1.0, 0.8])
-        high, wide = (round(share * side) for side in SHAPE)
-        rows, columns = (np.linspace(0, side - 1, each).round().astype(int) for side, each in zip(SHAPE, (high, wide), strict=True))
+        high, wide = sizes = [round(share * side) for side in SHAPE]
+        rows, columns = (np.linspace(0, side - 1, each).round().astype(int) for side, each in zip(SHAPE, sizes, strict=True))
         scene = np.full((*SHAPE, 3), 0.35, np.float32)
-        top, left = (int(random.integers(0, side - each + 1)) for side, each in zip(SHAPE, (high, wide), strict=True))
+        top, left = (int(random.integers(0, side - each + 1)) for side, each in zip(SHAPE, sizes, strict=True))
         scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
         bright = random.uniform(0.4, 0.95)
         corners = [(x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners]
@@ -149,10 +149,10 @@ def calibrated(frames: Frames, kind: str) -> Conclusion | None:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
         session.flat(frames.named("flat")[0 if "flat" in parts else -1 :])
-    charts = frames.named("chart")[: 3 if "charts" in parts else 1] if parts & {"chart", "charts"} else []
+    # One of several, all if their name is in the plural.
+    charts, scenes = (frames.named(one)[: None if f"{one}s" in parts else int(one in parts)] for one in ("chart", "scene"))
     for name in charts:
         session.shots([name], CHART, frames.places[name].corners)
-    scenes = frames.named("scene")[: 2 if "scenes" in parts else 1] if parts & {"scene", "scenes"} else []
     session.shots(scenes, None)
     if session.seen.base is None or ((charts or scenes) and not session.seen.shots):
         return None
@@ -222,14 +222,9 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cameras", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
-    given = parser.parse_args()
+    given = options(__doc__, cameras=100, seed=0, kinds={"nargs": "+", "default": list(KINDS), "choices": KINDS})
     counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds)
-    print("| frames | refused | do not use | gamma | black | shot | read | half width of gamma, median |")
-    print("|---|---|---|---|---|---|---|---|")
+    print(f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median |\n{'|---' * 8}|")
     for kind, count in counts.items():
         print(count.line(kind, given.cameras))
 

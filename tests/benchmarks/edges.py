@@ -6,6 +6,7 @@ Photographs are not free of aberration themselves: where theirs is not small, it
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -42,28 +43,23 @@ def main() -> None:
     """Print every figure."""
     for name, pattern in list(PATTERNS.items())[:4]:
         off, units, refused = [], [], 0
-        for title, sources in SETS.items():
-            for lens in LENSES:
-                shots = [
-                    find_edges(source, taken(source, pattern, lens, seed), filled_luminance) for seed, source in enumerate(sources)
-                ]
-                line = f"{name}, {title}, R {lens[0]:+.1f} B {lens[1]:+.1f}: "
-                try:
-                    found = measure_aberration(shots)
-                except InputError as error:
-                    refused += 1
-                    print(f"{line}refused: {error}", flush=True)
-                    continue
-                errors = found.corner[[0, 2]] - lens
-                off.append(errors)
-                units.append(errors / found.error[[0, 2]])
-                kind = "measured" if found.aberration else "none"
-                print(f"{line}off by {errors.round(2)} ± {found.error[[0, 2]].round(2)} pixels, {kind}", flush=True)
-        all_off, all_units = (float(np.sqrt(np.mean(np.square(each)))) for each in (off, units))
-        print(
-            f"{name}: off by {all_off:.2f} pixels, {all_units:.2f} standard errors (root mean square), {refused} refused",
-            flush=True,
-        )
+        for (title, sources), lens in product(SETS.items(), LENSES):
+            shots = [find_edges(each, taken(each, pattern, lens, seed), filled_luminance) for seed, each in enumerate(sources)]
+            line = f"{name}, {title}, R {lens[0]:+.1f} B {lens[1]:+.1f}: "
+            try:
+                found = measure_aberration(shots)
+            except InputError as error:
+                refused += 1
+                print(f"{line}refused: {error}", flush=True)
+                continue
+            errors, known = found.corner[[0, 2]] - lens, found.error[[0, 2]]
+            off.append(errors)
+            units.append(errors / known)
+            kind = "measured" if found.aberration else "none"
+            print(f"{line}off by {errors.round(2)} ± {known.round(2)} pixels, {kind}", flush=True)
+        mean, mean_units = (float(np.sqrt(np.mean(np.square(each)))) for each in (off, units))
+        all_ = f"off by {mean:.2f} pixels, {mean_units:.2f} standard errors (root mean square)"
+        print(f"{name}: {all_}, {refused} refused", flush=True)
 
 
 if __name__ == "__main__":

@@ -5,18 +5,17 @@ Crops of the built-in scene, which has coloured print, edges without luminance, 
 block of rows each: without noise, sigma 0.01, and over-exposed by a stop.
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from offline import BEST, PAPER, render
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from shared.sensor import simulate_additive, simulate_sensor
+from tests.benchmarks.harness import PATTERN, options
 from tools.pictures.samples import quantise
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -30,11 +29,10 @@ PLAIN = replace(BEST.switched(False), chromaticity=replace(BEST.chromaticity, mi
 
 def shots(scene: FloatArray) -> Iterator[tuple[Mosaic, float]]:
     """A mosaic, and the gain that makes it as bright as the scene."""
-    pattern, random = CfaPattern.bayer(6), np.random.default_rng(0)
-    calibration = SensorCalibration.of_bits(12, headroom=False)
+    random, calibration = np.random.default_rng(0), SensorCalibration.of_bits(12, headroom=False)
     for sigma in (0.0, 0.01):
-        yield simulate_additive(scene, pattern, calibration, sigma, random), 1.0
-    yield simulate_sensor(scene, pattern, calibration, 2.0, random), 0.5
+        yield simulate_additive(scene, PATTERN, calibration, sigma, random), 1.0
+    yield simulate_sensor(scene, PATTERN, calibration, 2.0, random), 0.5
 
 
 def strips(scene: FloatArray) -> Iterator[ByteArray]:
@@ -45,18 +43,16 @@ def strips(scene: FloatArray) -> Iterator[ByteArray]:
         for row, column in CROPS:
             crops = [picture[row : row + HEIGHT, column : column + WIDTH] for picture in pictures]
             shown = [quantise(transform.apply(crop.astype(np.float32)), 8).astype(np.uint8) for crop in crops]
-            gap = np.full((HEIGHT * ENLARGED, GAP, 3), 255, np.uint8)
             large = [each.repeat(ENLARGED, axis=0).repeat(ENLARGED, axis=1) for each in shown]
-            yield np.concatenate([part for each in large for part in (each, gap)][:-1], axis=1)
+            apart = [np.pad(each, ((0, 0), (0, GAP), (0, 0)), constant_values=255) for each in large]
+            yield np.concatenate(apart, axis=1)[:, :-GAP]
 
 
 def main() -> None:
     """Draw the picture."""
     from PIL import Image
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path("fine_colour.jpg"), metavar="PICTURE.jpg")
-    output = parser.parse_args().output
+    output = options(__doc__, output="fine_colour.jpg").output
     framed = [np.pad(row, ((0, GAP), (0, 0), (0, 0)), constant_values=255) for row in strips(builtin_scene(*SIZE).rgb)]
     Image.fromarray(np.concatenate(framed)).save(output, quality=90, subsampling=0)
     print(output)

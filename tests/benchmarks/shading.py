@@ -21,7 +21,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
 from shared.colour_difference import delta_e_2000
 from shared.sensor import simulate_additive, simulate_sensor
-from tests.benchmarks.lens import PATTERN, SEED, Corners, compare, photographed
+from tests.benchmarks.harness import PATTERN, SEED, Corners, compare, photographed
 from tests.tools.calibration.known_camera import stating
 from tools.calibration.shading import measure_shading
 from tools.camera.lens import lens_shading

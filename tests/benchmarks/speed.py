@@ -4,10 +4,10 @@
 
 Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of the program. Everything runs in
 turns, once per round, after a round that does not count; a ratio is the median of the rounds' ratios: load that slows a whole round
-down cancels. With several sizes: how time and memory grow, from a DNG to a TIFF, each size in a process of its own.
+down cancels. --frames: previews of 12 megapixels; -j: threads, of rivals too. With several sizes: how time and memory grow, from a
+DNG to a TIFF, each size in a process of its own.
 """
 
-import argparse
 import math
 import multiprocessing
 import os
@@ -15,11 +15,12 @@ import platform
 import subprocess
 import sys
 import time
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -31,10 +32,10 @@ from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
 from tests.benchmarks.frame import Frame
+from tests.benchmarks.harness import Work, alternate, options
 from tools.host.processes import THREAD_VARIABLES
 from tools.host.versions import package_version, program_version
 
-Work = Callable[[], object]
 _PRESETS = "paper", "best"
 
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
@@ -46,58 +47,35 @@ class StageClock(Progress):
     """A progress listener that measures how long each stage of a rendering takes, or each part of a stage that has parts."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, list[float]] = {}
-        self._stage, self._name, self._since = "", "", 0.0
-        self._run: dict[str, float] = {}
+        self.seconds = defaultdict[str, list[float]](list)
+        self._marks: list[tuple[str, float]] = []  # what begins when
+        self._bare = False  # what began last is a stage without parts so far
 
     def stage(self, name: str, steps: int) -> None:
         """A stage begins; the stage before it has ended."""
-        self._end()
-        self._stage = self._name = name
+        self._marks.append((name, time.perf_counter()))
+        self._bare = True
 
     def part(self, name: str) -> None:
         """A part of a step begins; its times in all steps are added up. The first one includes the beginning of its stage."""
-        if self._name != self._stage:
-            self._end()
-        self._name = name
+        self._marks.append((name, self._marks.pop()[1] if self._bare else time.perf_counter()))
+        self._bare = False
 
     def run(self, work: Work) -> None:
         """Call `work`, a rendering that reports to this listener."""
-        self._run = {}
+        self._marks = []
         work()
-        self._end()
-        self._stage = self._name = ""
-        for name, seconds in self._run.items():
-            self.seconds.setdefault(name, []).append(seconds)
-
-    def _end(self) -> None:
-        now = time.perf_counter()
-        if self._name:
-            self._run[self._name] = self._run.get(self._name, 0.0) + now - self._since
-        self._since = now
-
-
-def alternate(works: Mapping[str, Work], rounds: int) -> dict[str, list[float]]:
-    """Seconds of each function in each round. Every other round runs backwards, so that none always follows the same one."""
-    found: dict[str, list[float]] = {name: [] for name in works}
-    order = list(works.items())
-    for number in range(rounds + 1):
-        for name, work in order:
-            start = time.perf_counter()
-            result = work()
-            seconds = time.perf_counter() - start
-            del result  # freeing its memory is not timed
-            if number:
-                found[name].append(seconds)
-        order.reverse()
-    return found
+        run = defaultdict[str, float](float)
+        for (name, start), (_, end) in pairwise([*self._marks, ("", time.perf_counter())]):
+            run[name] += end - start
+        for name, seconds in run.items():
+            self.seconds[name].append(seconds)
 
 
 def rivals(frame: Frame) -> dict[str, Work]:
     """What is installed of them; bringing the frame into the form that they take is not timed."""
-    from tools.evaluation.rivals.colour_demosaicing import demosaic_malvar, demosaic_menon
-    from tools.evaluation.rivals.libraw import develop, encode_bayer_dng
-    from tools.evaluation.rivals.opencv import edge_aware
+    from tools.evaluation.rivals.integers import develop, edge_aware, encode_bayer_dng
+    from tools.evaluation.rivals.interpolation import demosaic_malvar, demosaic_menon
 
     works: dict[str, Work] = {}
     if find_spec("colour_demosaicing"):
@@ -208,12 +186,7 @@ def isolated(function: Callable[..., str], *arguments: object) -> None:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--megapixels", nargs="+", type=float, default=[3.2], metavar="N")
-    parser.add_argument("--rounds", type=int, default=9, metavar="N")
-    parser.add_argument("--frames", type=int, default=100, metavar="N", help=f"previews of {_PREVIEW_MEGAPIXELS:g} MP")
-    parser.add_argument("-j", "--threads", type=int, default=processors(), metavar="N", help="for rivals too")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, megapixels=[3.2], rounds=9, frames=100, threads=processors())
     sizes, used = arguments.megapixels, arguments.threads
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))  # libraries read them when they are loaded
     versions = ", ".join(f"{name} {package_version(name)}" for name in _PACKAGES)

@@ -5,7 +5,6 @@
 `best` has networks for some of these tiles only; `--method unlearned` compares tiles alone. Results are kept in DIR.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from shared import CfaPattern
 from shared.processors import processors
 from shared.tiles import TILES
+from tests.benchmarks.harness import options
 from tools.evaluation.design.judge import FastJudge, Figures, Light
 from tools.evaluation.design.slow import METHOD, photographed, slow_figures, spearman
 from tools.evaluation.scene_sets import Reading
@@ -35,12 +35,8 @@ OTHERS = (
 
 def main() -> None:
     """Measure what is missing, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+", metavar="SCENE")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--crop", type=int)
-    parser.add_argument("--method", default=METHOD)
-    arguments = parser.parse_args()
+    output = {"type": Path, "required": True, "metavar": "DIR"}
+    arguments = options(__doc__, "+", output=output, crop={"type": int}, method=METHOD)
     arguments.output.mkdir(exist_ok=True)
     texts = [name for name in TILES if name != "paper"] + list(OTHERS)
     tiles = chosen_tiles(range(3, 9), (Tile.named(CfaPattern.of_letters(text), text) for text in texts))

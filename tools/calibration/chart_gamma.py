@@ -15,9 +15,8 @@ from shared import SensorCalibration
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .assumed import Assumed, unknowns
-from .gamma import INSTEAD, GammaFit, NormalEquations, too_few_colours
-from .photon_transfer import fit_photon_transfer
+from .gamma import INSTEAD, Assumed, GammaFit, NormalEquations, too_few_colours, unknowns
+from .noise import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
 
 _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0  # the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90

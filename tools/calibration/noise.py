@@ -1,18 +1,24 @@
-"""Black level, noise and defects per filter colour, from dark frames and pairs of flat frames (EMVA Standard 1288, release 4)."""
+"""Noise and dead pixels per filter colour, from pairs of flat frames (EMVA Standard 1288, release 4).
+
+Photon transfer: variance over mean tells gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import nnls
 
 from shared import Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import DoubleArray
+from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
-from .photon_transfer import PhotonTransfer, fit_photon_transfer
-from .samples import CLIP, CLIPPED, PlaceSamples, clipped_moments, levels_of, tiles
+from .samples import CLIP, CLIPPED, PlaceSamples, clipped_moments, levels_of, robust_deviation, tiles
 
+_ROUNDS = 12
+_LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
+_HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
@@ -20,6 +26,70 @@ _GROUPS = 6  # of tiles, per pair
 _RESTLESS = 2.0  # times the median variance per light of a pair's tiles: something moved between the frames
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
+
+
+@dataclass(frozen=True)
+class PhotonTransfer:
+    """The line variance = shot * mean + read**2 of one plane, in parts of full scale.
+
+    shot: variance per level.
+    read: standard deviation without light.
+    shot_error, read_error: their standard errors; infinite = the places do not determine them; 0 = given, not fitted.
+    """
+
+    shot: float
+    read: float
+    shot_error: float
+    read_error: float
+
+    def variance(self, mean: DoubleArray) -> DoubleArray:
+        """Return the variance of a single sample at these means."""
+        return self.shot * np.maximum(mean, 0) + self.read**2
+
+
+def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
+    """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
+
+    An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line.
+
+    mean, variance: (N,), parts of full scale.
+    count: (N,), number of samples; it gives the weight, because the variance of n samples has the variance 2 variance^2 / (n - 1).
+    read: read noise from dark frames, parts of full scale; None = it is the line's intercept.
+
+    Places far above the line have texture and are left out.
+    """
+    good = (count > 1) & np.isfinite(variance)
+    mean, variance, count = mean[good], variance[good], count[good]
+    design = np.stack([np.maximum(mean, 0), np.ones(mean.size)], axis=1)
+    kept: BoolArray = np.ones(mean.size, bool)
+    offset = 0.0 if read is None else read**2
+    columns = design if read is None else design[:, :1]
+    signed = np.concatenate([columns, -columns[:, 1:]], axis=1)
+    predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
+    coefficients = np.zeros(columns.shape[1])
+    for _ in range(_ROUNDS):
+        weight = np.sqrt((count - 1) / 2) / np.maximum(predicted, 1e-15)
+        coefficients, _ = nnls(signed[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
+        predicted = np.maximum(signed @ coefficients + offset, np.maximum(_LEAST_SHARE * variance, 1e-15))
+        score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
+        kept = score <= _HIGH * max(1.0, robust_deviation(score))
+        if kept.sum() < 2:
+            kept = np.ones(mean.size, bool)
+    weight = np.sqrt((count - 1) / 2) / predicted
+    scaled = columns[kept] * weight[kept, None]
+    information = scaled.T @ scaled
+    # A pseudo-inverse would report an error of nearly 0 for what the places do not determine.
+    determined = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
+    errors = np.sqrt(np.diag(np.linalg.inv(information))) if determined else np.full(len(information), np.inf)
+    # Places that differ by more than noise explains, as with texture, tell it less well.
+    left = ((variance / predicted - 1) * np.sqrt((count - 1) / 2))[kept]
+    errors = errors * max(1.0, float(np.sqrt((left**2).sum() / max(len(left) - len(information), 1))))
+    shot = float(coefficients[0])
+    if read is not None:
+        return PhotonTransfer(shot, read, float(errors[0]), 0.0)
+    intercept = float(np.sqrt(max(coefficients[1] - coefficients[2], 0.0)))
+    read_error = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if determined else np.inf
+    return PhotonTransfer(shot, intercept, float(errors[0]), read_error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +156,10 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
             "quarters of full scale"
         )
     points = [_grouped(_pair_points(levels[first], levels[second], planes, white + 1)) for first, second in pairs]
+    mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     first, second = pairs[-1]
     dead, blind = _dead(levels[first] + levels[second], levels[first] - levels[second], planes)
-    return FlatResult(len(pairs), PlaceSamples.joined(points), dead, blind), unpaired
+    return FlatResult(len(pairs), PlaceSamples(mean, variance, count, np.zeros(len(mean), bool)), dead, blind), unpaired
 
 
 def noise_of_flats(
@@ -131,44 +202,43 @@ def noise_of_flats(
     return noise
 
 
-def _grouped(points: PlaceSamples) -> PlaceSamples:
+def _grouped(places: DoubleArray) -> DoubleArray:
     """Return a few groups of places of like brightness, without places that have more than noise (something moved).
 
-    A line fits the groups as well as the places.
+    A line fits the groups as well as the places. places: see `_pair_points`; the groups are of the same form.
     """
-    if not points.mean.size:
-        return points
-    per_light = points.variance[:, -1] / np.maximum(points.mean[:, -1], 1e-6)
-    kept = points.chosen(per_light <= _RESTLESS * np.median(per_light))
-    rows = []
-    for group in np.array_split(np.argsort(kept.mean[:, -1]), min(_GROUPS, len(kept.mean))):
-        number = kept.count[group]
-        free = np.maximum(number - 1, 0)
-        mean = (kept.mean[group] * number).sum(axis=0) / number.sum(axis=0)
-        variance = (kept.variance[group] * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
-        rows.append((mean, variance, free.sum(axis=0) + 1, False))
-    return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
+    if not places.size:
+        return places
+    per_light = places[:, 1, -1] / np.maximum(places[:, 0, -1], 1e-6)
+    kept = places[per_light <= _RESTLESS * np.median(per_light)]
+    groups = []
+    for group in np.array_split(np.argsort(kept[:, 0, -1]), min(_GROUPS, len(kept))):
+        mean, variance, count = np.moveaxis(kept[group], 1, 0)
+        free = np.maximum(count - 1, 0)
+        known = (variance * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
+        groups.append(((mean * count).sum(axis=0) / count.sum(axis=0), known, free.sum(axis=0) + 1))
+    return np.array(groups)
 
 
-def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, number: int) -> PlaceSamples:
-    """Return mean and half the variance of the difference of two frames, per tile and plane; number: of planes."""
-    rows = []
+def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, number: int) -> DoubleArray:
+    """Return mean, half the variance of the difference of two frames, and number of samples, in N tiles that are not clipped.
+
+    number: of planes P; the result is (N, 3, P).
+    """
+    places = []
     for window in tiles(planes):
-        here = planes[window]
-        mean, variance, count = np.zeros(number), np.zeros(number), np.zeros(number)
+        here, place = planes[window], np.zeros((3, number))
         brightest = 0.0
         for plane in range(number):
             a, b = first[window][here == plane], second[window][here == plane]
             difference = a - b
             centre, spread = clipped_moments(difference)
             good = np.abs(difference - centre) <= CLIP * max(spread, 1e-12)
-            mean[plane] = (a[good].mean() + b[good].mean()) / 2
-            variance[plane] = difference[good].var(ddof=1) / 2
-            count[plane] = good.sum()
+            place[:, plane] = (a[good].mean() + b[good].mean()) / 2, difference[good].var(ddof=1) / 2, good.sum()
             brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))
-        rows.append((mean, variance, count, brightest >= CLIPPED))
-    points = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
-    return points.chosen(~points.clipped)
+        if brightest < CLIPPED:
+            places.append(place)
+    return np.reshape(places, (-1, 3, number))
 
 
 def _dead(bright: DoubleArray, difference: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:

@@ -8,8 +8,7 @@ from typing import Any
 from shared import Camera, SensorCalibration
 from shared.arrays import DoubleArray
 
-from .assumed import Assumed
-from .gamma import GammaFit
+from .gamma import Assumed, GammaFit
 from .observations import Observations
 
 

@@ -42,16 +42,6 @@ class PlaceSamples:
     clipped: BoolArray
     where: DoubleArray | None = None
 
-    def chosen(self, which: BoolArray) -> "PlaceSamples":
-        """Return the places where `which` (N,) is true, without where they are."""
-        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
-
-    @staticmethod
-    def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
-        """Return the places of several shots, one after the other, without where they are."""
-        names = ("mean", "variance", "count", "clipped")
-        return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
 
 def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
     """Return where pixels are, (N, 2): row and column from the middle, in halves of the diagonal of a frame of `shape`."""
@@ -62,6 +52,11 @@ def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int])
 def levels_of(mosaic: Mosaic) -> FloatArray:
     """Return the samples in parts of full scale, without shading, float32 (H, W)."""
     return mosaic.signal / np.float32(mosaic.calibration.full_scale)
+
+
+def without(mosaic: Mosaic, part: str) -> Mosaic:
+    """Return a frame that does not state this part of its lens."""
+    return replace(mosaic, calibration=replace(mosaic.calibration, **{part: None}))  # type: ignore[arg-type]
 
 
 def figures(values: Sequence[float] | DoubleArray) -> str:
@@ -81,8 +76,7 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
     levels, planes, number = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape), len(mosaic.pattern.planes)
-    bare = replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
-    clipped = levels_of(bare) >= CLIPPED  # what saturates is what the sensor reads
+    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED  # what saturates is what the sensor reads
     moments = [_moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])

@@ -21,8 +21,7 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, IndexArray
 from shared.errors import InputError
 
-from .assumed import Assumed, unknowns
-from .gamma import INSTEAD, GammaFit, NormalEquations, too_few_colours
+from .gamma import INSTEAD, Assumed, GammaFit, NormalEquations, too_few_colours, unknowns
 from .samples import CLIPPED, from_middle, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block

@@ -19,15 +19,15 @@ from tools.host.progress import StageProgress
 from tools.host.work import Here, Workers, follow
 
 from .aberration import measure_aberration
-from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
 from .edges import Edges, Filled, find_edges
 from .files import KINDS, Files
+from .gamma import Assumed
 from .noise import measure_flats, noise_of_flats
-from .observations import Observations
+from .observations import Observations, ShotMeasurement, measure_chart, measure_scene
+from .samples import without
 from .shading import measure_shading
-from .shot import ShotMeasurement, measure_chart, measure_scene
 
 Frames = list[tuple[str, Mosaic]]
 R = TypeVar("R")
@@ -143,11 +143,8 @@ class Session:
         if not paths:
             return
         known: dict[bytes, str] = {}
-        gamma = None
-        if fit := self.seen.gamma:
-            gamma = fit.gamma
-        elif self._old and "gamma" in self._old.measured:
-            gamma = np.array(self._old.calibration.gamma)
+        before = np.array(self._old.calibration.gamma) if self._old and "gamma" in self._old.measured else None
+        gamma = fit.gamma if (fit := self.seen.gamma) else before
 
         def found(path: str, _: StageProgress) -> Edges:
             mosaic = self._read(path)
@@ -171,12 +168,7 @@ class Session:
 
     def _unshaded(self, paths: Sequence[str], kind: str) -> Frames:
         """Return the frames that can be read, without the shading that they state."""
-
-        def read(path: str, _: StageProgress) -> tuple[str, Mosaic]:
-            mosaic = self._read(path)
-            return path, replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
-
-        return list(self._each(paths, kind, read))
+        return list(self._each(paths, kind, lambda path, _: (path, without(self._read(path), "shading"))))
 
     def _read(self, path: str) -> Mosaic:
         """Read a frame, and correct what it states. Raises InputError if it is from another camera than the frames before."""
@@ -192,9 +184,8 @@ class Session:
 
     def _forget(self, part: str) -> None:
         """Leave out what the first frame states of its lens, because these frames measure it."""
-        nothing: dict[str, Any] = {part: None}
-        if (base := self.seen.base) is not None:
-            self.seen.base = replace(base, calibration=replace(base.calibration, **nothing))
+        if self.seen.base is not None:
+            self.seen.base = without(self.seen.base, part)
 
     def _each(self, paths: Sequence[str], kind: str, work: Callable[[str, StageProgress], R]) -> Iterator[R]:
         """What `work` makes of each frame that it can use, with a record; the others are skipped."""

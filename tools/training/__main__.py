@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Callable
 from importlib.util import find_spec
-from pathlib import Path
 from typing import NoReturn
 
 from shared.errors import InputError, PanchromaError
@@ -15,7 +14,6 @@ from tools.host.console import Console, to_stderr
 from tools.host.jobs import output_folder
 from tools.host.signals import INTERRUPTED, orderly_end
 
-_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".npy", ".dng"}
 _STEPS, _LEAST = 6000, 20
 
 
@@ -43,12 +41,9 @@ def main() -> int:
     start = _pattern(arguments.start, parser.error) if arguments.start else None
     if find_spec("torch") is None:
         parser.error("training needs PyTorch: pip install 'panchroma[training]'")
-    sources = tuple(
-        str(path)
-        for folder in arguments.folders
-        for path in sorted(Path(folder).rglob("*"))
-        if path.suffix.lower() in _SUFFIXES and path.is_file()
-    )
+    from .examples import photographs
+
+    sources = tuple(photographs(arguments.folders))
     if len(sources) < _LEAST:
         parser.error(f"{len(sources)} photographs found; at least {_LEAST} are needed to learn something")
     from .run import Plan, train

@@ -4,6 +4,7 @@ A picture is varied first, because photographs to learn from are sharper and cle
 exposure, and a little noise of its own. Then it is simulated and rendered up to the network.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,16 +14,19 @@ from offline.parts import Part
 from offline.render import measure, parts_of
 from offline.rows.learned import UNKNOWN, Cells, Inputs
 from offline.settings import BEST
-from shared import CfaPattern, SensorCalibration
+from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
+from shared.writing import durable_file
 
 from ..scenes.load import load_scene
 from .drawings import drawing
 
 DRAWN = "drawn"
 """The name of a source that is a drawing instead of a file."""
-_SIGMAS = (0.003, 0.04)  # range of the noise, drawn logarithmically; a third of the examples have none
+_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".npy", ".dng"}
+_KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
+_CLEAN, _SIGMAS = 1 / 3, (0.003, 0.04)  # share without noise, and its range otherwise, drawn logarithmically
 _BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
 _WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
 _OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit
@@ -44,16 +48,39 @@ class Example:
     variance: FloatArray
 
 
+def photographs(folders: Sequence[str]) -> list[str]:
+    """The paths of all photographs in these folders or below; those of a folder are ordered by name."""
+    paths = (path for folder in folders for path in sorted(Path(folder).rglob("*")))
+    return [str(path) for path in paths if path.suffix.lower() in _SUFFIXES and path.is_file()]
+
+
+def kept_back(sources: Sequence[str]) -> list[bool]:
+    """Which sources are kept back from learning; a photograph that is given twice is on one side."""
+    first = (number if source == DRAWN else sources.index(source) for number, source in enumerate(sources))
+    return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in first]
+
+
+def photographed(
+    source: str, patterns: Sequence[CfaPattern], clean: float, random: np.random.Generator
+) -> tuple[FloatArray, Mosaic]:
+    """A picture file or a drawing (`DRAWN`), varied, (H, W, 3), and a shot of it with one of the patterns, which begins anywhere.
+
+    clean: the share of shots without noise.
+    """
+    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
+    sigma = 0.0 if random.random() < clean else float(np.exp(random.uniform(*np.log(_SIGMAS))))
+    pattern = patterns[int(random.integers(len(patterns)))]
+    down, across = random.integers(pattern.period, size=2).tolist()
+    return scene, simulate_additive(scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random)
+
+
 def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Example:
     """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same bytes.
 
     pattern: its tile; where in the frame that begins is random.
     """
     random = np.random.default_rng(seed)
-    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
-    sigma = 0.0 if random.random() < 1 / 3 else float(np.exp(random.uniform(*np.log(_SIGMAS))))
-    down, across = random.integers(pattern.period, size=2).tolist()
-    mosaic = simulate_additive(scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random)
+    scene, mosaic = photographed(source, [pattern], _CLEAN, random)
     settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
     measured = measure(mosaic, settings)
     corrected = Part.joined(list(parts_of(measured, settings)))
@@ -91,10 +118,8 @@ def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
 
 def save_example(example: Example, path: Path) -> None:
     """Write an example to a file of its own, or none at all."""
-    rough = path.with_suffix(".part")
-    with rough.open("wb") as file:
+    with durable_file(path, overwrite=True) as file:
         np.savez(file, **vars(example))
-    rough.replace(path)
 
 
 def load_example(path: Path) -> Example:

@@ -15,32 +15,28 @@ from typing import Any
 
 import numpy as np
 import torch
-from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
 from offline import use_threads
 from offline.settings import UNLEARNED
 from offline.whole.filling import REACH, SIDE, seen_around
 from offline.whole.luminance import recover_luminance
-from shared import CfaPattern, SensorCalibration
+from shared import CfaPattern
 from shared.arrays import BORDER, FloatArray
-from shared.sensor import simulate_additive
 from tools.host.console import Console
 
-from ..scenes.load import load_scene
-from .drawings import drawing
-from .examples import DRAWN, varied
-from .graph import write_graph
+from .examples import DRAWN, kept_back, photographed, photographs
+from .graph import Graph
+from .network import descent, optimiser_of
 
 _HIDDEN = 128, 64
 _BLOCKS, _BATCH = 3000, 2048  # taken of a picture; and learned from at a time
-_RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
 _BLOCK = {4: ("RG", "GB"), 3: ("RG", "BW")}  # number of sites -> a block of 2 x 2 pixels
 _PERIODS = {4: (4, 6, 6, 8), 3: (4, 4, 5, 6)}  # K, drawn
-_CLEAN, _SIGMAS = 0.4, (0.003, 0.04)  # share without noise, and its range otherwise
+_CLEAN = 0.4  # share without noise
 _FAINT = 0.1  # scene units: below this light contrast counts less
 _ENERGY = 2.0  # weight of the energy of errors beside their size
-_KEPT_BACK, _REPORT = 20, 1000  # one picture in so many is kept back; steps between two reports
+_REPORT = 1000  # steps between two reports
 
 Example = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -52,17 +48,12 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     """
     use_threads(1)
     random = np.random.default_rng((0, number))
-    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
-    sigma = 0.0 if random.random() < _CLEAN else float(np.exp(random.uniform(*np.log(_SIGMAS))))
-    period = int(random.choice(_PERIODS[sites]))
-    origin = random.integers(period, size=2).tolist()
-    pattern = CfaPattern.with_block(_BLOCK[sites], period, (origin[0], origin[1]))
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
-    filled = recover_luminance(mosaic, UNLEARNED.luminance)
-    grid = mosaic.pattern.grid(mosaic.shape)
+    patterns = [CfaPattern.with_block(_BLOCK[sites], period) for period in _PERIODS[sites]]
+    scene, mosaic = photographed(source, patterns, _CLEAN, random)
+    filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
     seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), (grid.whole_rows, grid.whole_columns), mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
-    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down, across, _ in pattern.sites]
+    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down, across, _ in mosaic.pattern.sites]
     light = filled[np.ix_(grid.whole_rows, grid.whole_columns)].reshape(-1, 1)
     chosen = random.permutation(np.flatnonzero(units[:, 0]))[:_BLOCKS]
     unit = units[chosen]
@@ -72,24 +63,19 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
 def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]) -> nn.Sequential:
     """The network. parts: what `examples` returns of each source; a picture that is given twice is learned from twice."""
     torch.manual_seed(0)
-    first = [at if source == DRAWN else sources.index(source) for at, source in enumerate(sources)]
-    learned, kept = (
-        [part for at, part in zip(first, parts, strict=True) if (at % _KEPT_BACK == _KEPT_BACK // 2) == back]
-        for back in (False, True)
-    )
+    sides = list(zip(parts, kept_back(sources), strict=True))
+    learned, kept = ([part for part, side in sides if side == back] for back in (False, True))
     seen, off, units, light = (torch.from_numpy(np.concatenate(each)) for each in zip(*learned, strict=True))
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
     network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+    optimiser = optimiser_of(network)
     turned = [(_turned(SIDE, turns, flip), _turned(2, turns, flip)) for turns in range(4) for flip in (False, True)]
     # Three sites stay the first three of a block when it is transposed alone.
     turned = [(pixels, places[: off.shape[1]]) for pixels, places in turned if places[off.shape[1] :].tolist() in ([], [3])]
     order = np.random.default_rng(0)
-    for step in range(steps):
-        for group in optimiser.param_groups:
-            group["lr"] = _RATE * min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
+    for step in descent(optimiser, 0, steps):
         chosen = torch.from_numpy(order.integers(len(seen), size=_BATCH))
         pixels, sites = turned[order.integers(len(turned))]
         around = seen[chosen].float()
@@ -121,19 +107,15 @@ def _left(network: nn.Sequential, kept: list[Example]) -> float:
 
 def save(network: nn.Sequential, path: Path) -> None:
     """Write the network to an ONNX file."""
-    weights = [weight.detach().numpy() for weight in network.parameters()]
-    nodes, given = [], "seen"
-    for layer in range(len(weights) // 2):
-        ends = layer == len(weights) // 2 - 1
-        found = "off" if ends else f"found{layer}"
-        nodes.append(helper.make_node("Gemm", [given, f"weight{layer}", f"bias{layer}"], [found], transB=1))
-        given = f"lit{layer}"
-        nodes += [] if ends else [helper.make_node("Relu", [found], [given])]
-    names = [f"{kind}{layer}" for layer in range(len(weights) // 2) for kind in ("weight", "bias")]
-    stored = [numpy_helper.from_array(weight, name) for name, weight in zip(names, weights, strict=True)]
-    sizes = (("seen", SIDE**2 + 1), ("off", len(weights[-1])))
-    first, last = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["blocks", size]) for name, size in sizes)
-    write_graph(helper.make_graph(nodes, path.stem, [first], [last], stored), path, {})
+    graph, layers, given = Graph(), [layer for layer in network if isinstance(layer, nn.Linear)], "seen"
+    for number, layer in enumerate(layers):
+        for kind in ("weight", "bias"):
+            graph.store(f"{kind}{number}", getattr(layer, kind).detach().numpy())
+        found = "off" if layer is layers[-1] else f"found{number}"
+        graph.add("Gemm", [given, f"weight{number}", f"bias{number}"], found, transB=1)
+        if layer is not layers[-1]:
+            given = graph.add("Relu", [found], f"lit{number}")
+    graph.write(path, ("seen", ["blocks", SIDE**2 + 1]), ("off", ["blocks", layers[-1].out_features]), {})
 
 
 def main() -> int:
@@ -145,7 +127,7 @@ def main() -> int:
     parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes that simulate (default: 1)")
     arguments, console = parser.parse_args(), Console()
-    files = sorted(str(path) for folder in arguments.folders for path in Path(folder).rglob("*.*") if path.suffix != ".md")
+    files = sorted(photographs(arguments.folders))
     sources = [*files, *[DRAWN] * (len(files) // 5)]
     torch.set_num_threads(1)  # several wait for each other
     with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:

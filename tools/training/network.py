@@ -5,7 +5,7 @@ units of brightness instead learns nothing, or harms flat places. The correction
 most of what noise explains: where a place has one colour, grey or another, nothing is corrected.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,11 @@ BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.flo
 LUMINANCE, EVIDENCE, RANGE, LEAST = 0.25, 4.0, 8.0, 1e-30
 """Share of luminance in activity; bound of the correction in units of the contrast of colour; bound of the inputs; least squared
 activity, scene units squared, which only keeps quotients finite."""
-
-
 HUE, DARK = 0.06, 0.002
 """A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and this many scene units."""
+
+
+_RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
 
 
 class Network(nn.Module):  # type: ignore[misc]
@@ -76,22 +77,28 @@ def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, A
     plain, odd, error, variance, noise, positive, *tints = (
         inner(each) for each in (plain, odd, error, variance, noise, positive, *tints)
     )
-    # The exporter takes such a small number for 0 where it is added: then there is no activity at all in black, and 0 / 0.
     scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
     bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - GATE * noise)))
-    inputs = torch.cat(
-        [
-            plain / scale,
-            odd / scale,
-            error / scale,
-            *tints,
-            torch.log2(1 + torch.sqrt(variance) / scale),
-            0.3 * torch.log2(1 + positive / scale),
-            bound / scale,
-        ],
-        1,
-    )
+    levels = torch.log2(1 + torch.sqrt(variance) / scale), 0.3 * torch.log2(1 + positive / scale)
+    inputs = torch.cat([plain / scale, odd / scale, error / scale, *tints, *levels, bound / scale], 1)
     return inputs.clamp(-RANGE, RANGE), bound
+
+
+def optimiser_of(network: nn.Module) -> Any:
+    """What changes the weights of a network."""
+    return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+
+
+def descent(optimiser: Any, done: int, steps: int, part: float = 1.0) -> Iterator[int]:
+    """Number the steps, after those that are done, and set how far each goes: more at first, less in the end.
+
+    part: of the usual length.
+    """
+    for step in range(done, steps):
+        rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
+        for group in optimiser.param_groups:
+            group["lr"] = part * _RATE * float(rate)
+        yield step
 
 
 def cells_of(picture: Any, period: int) -> tuple[Any, Any]:

@@ -24,13 +24,13 @@ from shared.errors import InputError
 from shared.networks import Block, network_file, network_for
 from shared.pattern import PANCHROMATIC, CfaPattern
 from shared.progress import Progress
+from shared.writing import durable_file
 
-from .examples import DRAWN, Example, load_example, make_example, save_example
+from .examples import DRAWN, Example, kept_back, load_example, make_example, save_example
 from .graph import load_weights, save_graph
-from .network import HALO, Network, losses
+from .network import HALO, Network, descent, losses, optimiser_of
 
-_KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
-_RATE, _WARM_UP, _DECAY, _NORM = 2e-3, 100, 1e-4, 1.0  # of gradient descent: largest step, steps up to it, weight decay, clipping
+_NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
 _JUDGED = 12  # batches of the sources kept back
@@ -106,11 +106,10 @@ def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tupl
     """Make the examples that are not there yet; returns those to learn from, and those kept back."""
     found: tuple[list[Path], list[Path]] = [], []
     missing = []
-    for number, source in enumerate(plan.all_sources):
-        first = number if source == DRAWN else plan.sources.index(source)  # a photograph given twice is on one side
+    for number, (source, is_kept) in enumerate(zip(plan.all_sources, kept_back(plan.all_sources), strict=True)):
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
-            found[first % _KEPT_BACK == _KEPT_BACK // 2].append(path)
+            found[is_kept].append(path)
             if not path.exists():
                 missing.append((source, plan.pattern, (plan.seed, plan.pattern.period, variant, number), path))
     progress.stage("examples", len(missing))
@@ -141,7 +140,7 @@ def _descend(
         given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()}
         network.load_state_dict(given)
     network = network.to(device=device, memory_format=torch.channels_last)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+    optimiser = optimiser_of(network)
     history: list[dict[str, float]] = []
     done, checkpoint = 0, work / "checkpoint.pt"
     if checkpoint.exists():
@@ -156,10 +155,7 @@ def _descend(
     judged = [_batch(judges, plan, (plan.seed, 1, number), device) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(done)
-    for step in range(done, plan.steps):
-        rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / plan.steps))
-        for group in optimiser.param_groups:
-            group["lr"] = _RATE * float(rate) / (2 if plan.start else 1)
+    for step in descent(optimiser, done, plan.steps, 0.5 if plan.start else 1.0):
         with torch.autocast(device, dtype=torch.bfloat16):
             left, before = losses(network, _batch(examples, plan, (plan.seed, 0, step), device))
         loss = (left / before.clamp_min(1e-7) * torch.tensor(_WEIGHTS, device=device)).sum()
@@ -173,9 +169,8 @@ def _descend(
             left = {name: f"{value:.4f}" for name, value in history[-1].items()}
             say(f"step {step + 1}: left {left['robust']} of the error, {left['energy']} of its energy, {left['hue']} of wrong hues")
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "steps": step + 1, "history": history}
-            rough = checkpoint.with_suffix(".part")
-            torch.save(state, rough)
-            rough.replace(checkpoint)
+            with durable_file(checkpoint, overwrite=True) as file:
+                torch.save(state, file)
     return network.to("cpu"), history
 
 

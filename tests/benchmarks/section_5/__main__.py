@@ -9,13 +9,13 @@ The first takes photographs, and prints means over all of them. PSNR is in dB: o
 or that of the whole image, always in the scene's red, green and blue, whatever the filters are. All cameras get the same light.
 """
 
-import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from shared.errors import InputError
+from tests.benchmarks.harness import options
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.evaluation.scene_sets import cut
 from tools.scenes.drawn.spectral import BANDS
@@ -36,13 +36,11 @@ STUDIES: dict[str, tuple[str, tuple[str, ...], Study]] = {
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+", metavar="SCENE")
-    parser.add_argument("--study", nargs="+", choices=STUDIES, default=list(STUDIES))
-    parser.add_argument("--sigma", nargs="*", type=float, default=[0, 0.01, 0.03], help="additive noise, as in the paper")
-    parser.add_argument("--light", nargs="*", type=float, default=[], help="noise of a sensor in this part of the scene's light")
-    parser.add_argument("--size", type=int, default=600, metavar="PIXELS", help="of each scene, the middle (default: %(default)s)")
-    arguments = parser.parse_args()
+    studies = {"nargs": "+", "choices": STUDIES, "default": list(STUDIES)}
+    noise = {"nargs": "*", "type": float, "default": [0, 0.01, 0.03], "help": "additive noise, as in the paper"}
+    light = {"nargs": "*", "type": float, "default": [], "help": "noise of a sensor in this part of the scene's light"}
+    size = {"type": int, "default": 600, "metavar": "PIXELS", "help": "of each scene, the middle (default: %(default)s)"}
+    arguments = options(__doc__, "+", study=studies, sigma=noise, light=light, size=size)
     levels = [*map(PaperProtocol, arguments.sigma), *map(SensorProtocol, arguments.light)]
     photographs: dict[str, Rows] = {}
     for source in arguments.scenes:

@@ -14,10 +14,9 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.camera.filters import filters_for
 from tools.camera.protocols import Protocol
 from tools.camera.simulated_camera import SimulatedCamera
+from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import BORDER, quality
-from tools.evaluation.ours import render_preset
-from tools.evaluation.rivals.plane_denoising import denoised_planes
-from tools.evaluation.rivals.planes import planes
+from tools.evaluation.rivals.planes import denoised_planes, planes
 from tools.scenes.scene import Scene
 
 MEASURES = "luminance", "median RGB", "chrominance", "RMS of bands", "mean angle", "angle where RGB errs"

@@ -13,8 +13,8 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tools.camera.protocols import Protocol
 from tools.evaluation.cameras import CameraPair
+from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import quality
-from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from shared.perspective import apply_homography, homography, rectangle
 from shared.sensor import simulate_sensor
-from tools.calibration.assumed import Assumed
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
+from tools.calibration.gamma import Assumed
 from tools.scenes.drawn.color_checker import CORNERS, chart_scene
 from tools.scenes.scene import Scene
 

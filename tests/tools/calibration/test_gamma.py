@@ -10,9 +10,8 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, TRUTH, WIDTH, chart, frame, measured, true_place
-from tools.calibration.assumed import unknowns
 from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
-from tools.calibration.gamma import GammaFit, NormalEquations, check_determined, combined
+from tools.calibration.gamma import GammaFit, NormalEquations, check_determined, combined, unknowns
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
 from tools.camera.lens import lens_shading

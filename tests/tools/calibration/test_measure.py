@@ -17,10 +17,9 @@ from tools.calibration.aberration import AberrationResult
 from tools.calibration.dark_frames import DarkResult
 from tools.calibration.measure import conclude
 from tools.calibration.noise import FlatResult
-from tools.calibration.observations import Observations
+from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
-from tools.calibration.shot import ShotMeasurement, measure_chart
 from tools.commands.calibrate import color_checker_xyz
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)

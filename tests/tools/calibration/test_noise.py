@@ -9,9 +9,8 @@ from shared.sensor import simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, edited, frame, with_code
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
-from tools.calibration.noise import measure_flats, noise_of_flats
+from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
-from tools.calibration.photon_transfer import fit_photon_transfer
 from tools.commands.calibrate import color_checker_xyz
 
 SHAPE = (240, 360)

@@ -13,11 +13,10 @@ from tools.pictures.html import figure, picture, reduced
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS
 from ..gamma import GammaFit, check_determined
-from ..observations import Observations
+from ..observations import Observations, ShotMeasurement
 from ..page import axes, css_colours, patch_style, table
 from ..part import Evidence, Part, rounded
 from ..samples import figures
-from ..shot import ShotMeasurement
 
 CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 _LEVER = 0.2  # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be stated in codes
