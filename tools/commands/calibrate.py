@@ -67,8 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
-    from tools.calibration.camera_file import check_same, read_known
-    from tools.calibration.files import check_output, sort_files
+    from tools.calibration.files import check_output, check_same, read_known, sort_files
     from tools.calibration.measure import conclude
     from tools.calibration.reference import read_reference
     from tools.calibration.report import report
@@ -158,7 +157,7 @@ def _refused(output: Path, error: str, console: Console, **facts: str) -> int:
 
 def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
-    from tools.calibration.camera_file import write_camera
+    from tools.calibration.files import write_camera
     from tools.calibration.samples import figures
 
     camera, verdict = conclusion.camera, conclusion.verdict

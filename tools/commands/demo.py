@@ -27,7 +27,7 @@ from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
 from tools.camera.protocols import PaperProtocol
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress

@@ -100,10 +100,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         shown = by_measurement(shown, measured, weights)
     weighted = ", ".join(f"{name} {weight:g}" for name, weight in weights.items() if weight)
     facts = [f"{len(found)} tiles were judged under {', '.join(texts)}. Weights: {weighted}.", *[_DOUBT] * (not measured)]
-    content = page(shown, every, texts, measured, exhibits, facts, f"panchroma {program_version()}")
+    photographs = len(measured.study.scenes) if measured else 0
+    content = page(shown, every, texts, photographs, exhibits, facts, f"panchroma {program_version()}")
     write_durably(folder / _PAGE, content, overwrite=arguments.overwrite)
-    console.say(*text_table(shown, measured), str(folder / _PAGE))
-    for record in records(shown, texts, measured):
+    console.say(*text_table(shown), str(folder / _PAGE))
+    for record in records(shown, texts):
         console.record(**record)
     return 0
 

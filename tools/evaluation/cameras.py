@@ -8,7 +8,7 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
-from tools.camera.bayer import channel_map, sample_bayer
+from tools.camera.bayer import channel_map, check_mosaic, sample_bayer
 from tools.camera.filters import Filters
 from tools.camera.protocols import Protocol
 from tools.camera.protocols.protocol import BayerShot
@@ -61,26 +61,14 @@ class CameraPair:
             return picture
         return (picture[..., : len(mixing)] @ np.linalg.pinv(mixing).T).astype(np.float32)
 
-    def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
-        """Render the Bayer shot. Returns float32 (H, W, 3), scene units.
-
-        demosaic: the method.
-        balanced: give it white-balanced samples, as raw developers do, and undo the balance afterwards.
-        denoise: applied to the samples first; kept for the next method that uses it.
-        """
-        samples = self.bayer.samples
-        if denoise is not None:
-            if denoise not in self._denoised:
-                self._denoised[denoise] = denoise(samples, self.bayer.shot, self.bayer.read)
-            samples = self._denoised[denoise]
-        return with_balance(demosaic, samples, self._white) if balanced else demosaic(samples)
-
-    def render_shot(self, method: Callable[[BayerShot, FloatArray], FloatArray]) -> FloatArray:
-        """Render the Bayer shot by a method that is told its noise and what white reads. Returns float32 (H, W, 3), scene units."""
-        return method(self.bayer, self._white)
+    def denoised(self, denoise: Denoise) -> BayerShot:
+        """The Bayer shot with its samples denoised; they are kept for the next method that uses them."""
+        if denoise not in self._denoised:
+            self._denoised[denoise] = denoise(self.bayer.samples, self.bayer.shot, self.bayer.read)
+        return replace(self.bayer, samples=self._denoised[denoise])
 
     @property
-    def _white(self) -> FloatArray:
+    def white(self) -> FloatArray:
         """What white reads, largest channel 1; all 1 where it is unknown."""
         white = np.array(self.neutral or (1.0, 1.0, 1.0), np.float32)
         white /= white.max()
@@ -104,6 +92,7 @@ class CameraPair:
 
     @cached_property
     def bayer(self) -> BayerShot:
-        """The shot of the Bayer camera, in scene units under full light."""
+        """The shot of the Bayer camera, in scene units under full light. Raises InputError for fewer than two rows or columns."""
         shot = self.level.bayer(sample_bayer(self.truth), self._rng)
+        check_mosaic(shot.samples[self.part])
         return replace(shot, samples=shot.samples[self.part])

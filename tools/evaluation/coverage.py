@@ -11,6 +11,8 @@ from .metrics import BORDER
 PARTS = ("luminance", "colour")
 KINDS = ("flat places", "edges", "fine colour")
 WITHIN = (1, 2)
+KIND_ENDS = ("", *(f"_{kind.replace(' ', '_')}" for kind in KINDS))
+"""Ends of the names of figures: of all places, then of each kind."""
 _REACH = 2  # pixels: a place is 5 x 5 of them
 # Scene units: standard deviation of colour in a place of fine colour, and of the sum of the channels at an edge. Both are three
 # times what the noise of a camera's own photographs reaches.

@@ -1,23 +1,83 @@
-"""Figures of an evaluation, per scene and pooled: one row for each, and who is ahead by how much."""
+"""Figures of an evaluation, per scene and pooled: by what methods are compared, a row for each, who is ahead by how much."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isnan
+from math import isnan, nan
+from typing import NamedTuple
 
 import numpy as np
 
 from tools.camera.protocols import Protocol
 
-from .coverage import KINDS, PARTS, WITHIN, area
-from .criteria import CRITERIA, RGB, Criterion
-from .measures import PLANES, Histogram, Measures
+from .coverage import KIND_ENDS, PARTS, WITHIN, area
+from .measures import PLANES, TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import QUANTILES, Quality
 from .scene_sets import SETS, SceneInfo
 from .strokes import Strokes
 from .study import Cell, Study, can_photograph
 from .tiles import Tile
+
+EVEN = 0.05  # dB: smaller differences count as none
+
+
+class Criterion(NamedTuple):
+    """One way to compare methods: medians say how most of a picture looks, the others how its worst places do.
+
+    name: in the verdict of the JSON file.
+    title: for people.
+    figure: name of the value, see `Figure.values`.
+    explanation: what the figure is, with its unit.
+    sign: 1 where more is better, -1 where less is.
+    unit: after a difference, for people.
+    digits: decimals that people are shown.
+    even: smaller differences count as none.
+    scale: from the value to what people are shown.
+    """
+
+    name: str
+    title: str
+    figure: str
+    explanation: str
+    sign: int = 1
+    unit: str = " dB"
+    digits: int = 1
+    even: float = EVEN
+    scale: float = 1.0
+
+    def of(self, figure: "Figure | None") -> float:
+        """What people are shown; NaN if there is none."""
+        value = None if figure is None else figure.values[self.figure]
+        return nan if value is None else self.scale * value
+
+    def text(self, value: float) -> str:
+        """A figure for people; a dash where there is none (NaN)."""
+        return "–" if isnan(value) else f"{value:.{self.digits}f}"
+
+    def difference(self, lead: float) -> str:
+        """A lead (positive: ours is better) as the difference of the figures, with its sign and unit."""
+        return f"{self.sign * lead:+.{self.digits}f}{self.unit}"
+
+
+_PLANES = [(of, name, "" if name == "rgb" else f"_{name}") for name, of in zip(PLANES, TITLES, strict=True)]
+_MEDIAN = "PSNR of all patches, dB; higher is better."
+_TENTH = "PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better."
+_WHOLE = "PSNR of whole images, dB, mean over the scenes; higher is better."
+_HUE = "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better."
+_UNEVEN = "Pixels whose error of a*, b* is 10 from that of the pixels around of the same true colour, %; lower is better."
+_FADED = "How far the colour kept in five bins of luminance is from all of it, on the mean, %; lower is better."
+CRITERIA = (
+    *(Criterion(name, f"median {of}", f"{name}_q50", f"Median {of} {_MEDIAN}") for of, name, _ in _PLANES),
+    *(Criterion(f"{name}_q10", f"worst tenth, {of}", f"{name}_q10", f"{of} {_TENTH}") for of, name, _ in _PLANES),
+    *(Criterion(f"psnr{end}", f"whole image, {of}", f"psnr{end}", f"{of} {_WHOLE}") for of, _, end in _PLANES),
+    Criterion("ssim", "SSIM", "ssim", "SSIM of whole images, mean over the scenes; higher is better.", 1, "", 3, 0.0005),
+    Criterion("wrong_hue", "wrong hue", "wrong_hue", _HUE, -1, " % of the pixels", scale=100.0),
+    Criterion("uneven_hue", "uneven hue", "uneven_hue", _UNEVEN, -1, " % of the pixels", scale=100.0),
+    Criterion("faded", "faded colour", "faded", _FADED, -1, " %", even=0.5, scale=100.0),
+)
+RGB, LUMINANCE, CHROMINANCE, _, _, TENTH_CHROMINANCE, WHOLE, WHOLE_LUMINANCE, WHOLE_CHROMINANCE, _, HUE, _, _ = CRITERIA
+"""Those of the worst tenth and of whole images without a name are those in RGB."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +121,14 @@ class Figures:
 
     def __init__(self, study: Study, results: Mapping[Cell, Measures], strokes: Sequence[Strokes] = ()) -> None:
         self.study, self.results, self.strokes = study, results, tuple(strokes)
+        found: dict[_Key, Figure] = {}
+        self.sets = [SetFigures(study, name, found) for name in SETS if any(cell.scene.group == name for cell in results)]
         parts: dict[_Key, list[Measures]] = {}
         for cell, measures in results.items():
             parts.setdefault((cell.scene.group, None, cell.level, cell.method, cell.tile), []).append(measures)
-        found: dict[_Key, Figure] = {}
-        self.sets = [SetFigures(study, name, found) for name in SETS if any(cell.scene.group == name for cell in results)]
         for group in self.sets:
-            for key, each in parts.items():
-                if key[0] == group.name and len(each) == len(group.names):
-                    found[key] = Figure(*key, len(each), _values(_pooled(each), each))
+            whole = {key: each for key, each in parts.items() if key[0] == group.name and len(each) == len(group.names)}
+            found |= {key: Figure(*key, len(each), _values(_pooled(each), each)) for key, each in whole.items()}
         for cell, measures in results.items():
             key = (cell.scene.group, cell.scene.name, cell.level, cell.method, cell.tile)
             found[key] = Figure(*key, 1, _values(measures.quality, [measures]))
@@ -200,23 +259,20 @@ def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | No
     }
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
-    values["ssim"] = float(np.mean([each.ssim for each in parts]))
-    for name in ("wrong_hue", "uneven_hue"):
-        hues = [share for each in parts if (share := getattr(each, name)) is not None]
-        values[name] = float(np.mean(hues)) if len(hues) == len(parts) else None
+    for name in ("ssim", "wrong_hue", "uneven_hue"):
+        mean = float(np.array([getattr(each, name) for each in parts], float).mean())
+        values[name] = None if isnan(mean) else mean  # NaN where one picture has none
     seen, true = np.sum([each.kept for each in parts], axis=0)
-    slopes = [float(one / all_) if all_ else None for one, all_ in zip(seen, true, strict=True)]
-    values |= {f"kept_{place + 1}": slope for place, slope in enumerate(slopes)}
+    slopes = [_share(one, all_) for one, all_ in zip(seen, true, strict=True)]
+    values |= {f"kept_{place}": slope for place, slope in enumerate(slopes, 1)}
     faded = [abs(1 - slope) for slope in slopes if slope is not None]
-    return values | {"faded": float(np.mean(faded)) if faded else None} | _stated(parts)
-
-
-def _stated(parts: Sequence[Measures]) -> dict[str, float | None]:
-    """What is known of the uncertainty that some pictures state."""
+    values["faded"] = float(np.mean(faded)) if faded else None
     covered = np.sum([each.covered for each in parts], axis=0)
-    values: dict[str, float | None] = {}
     for part, counts in zip(PARTS, covered, strict=True):
-        for kind, (*within, all_) in {"": counts.sum(axis=0), **dict(zip(KINDS, counts, strict=True))}.items():
-            end = f"_{kind.replace(' ', '_')}" * bool(kind)
-            values |= {f"{part}_{n}{end}": float(one / all_) if all_ else None for n, one in zip(WITHIN, within, strict=True)}
+        for end, (*within, all_) in zip(KIND_ENDS, (counts.sum(axis=0), *counts), strict=True):
+            values |= {f"{part}_{n}{end}": _share(one, all_) for n, one in zip(WITHIN, within, strict=True)}
     return values | {"foretold": area(np.sum([each.doubts for each in parts], axis=0))}
+
+
+def _share(one: float, all_: float) -> float | None:
+    return float(one / all_) if all_ else None

@@ -1,14 +1,25 @@
-"""Where a picture shows a wrong hue: what a person sees first, and a median over patches hides."""
+"""Where a picture shows a wrong hue, or several where there is one, and where its colour fades: medians over patches hide it."""
 
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
 from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
 from shared.colour_difference import delta_e_2000
+from shared.white_balance import shades_of_grey
+
+from .metrics import BORDER
 
 WRONG = 10.0  # CIEDE2000: seen at a glance, side by side or not
 _BRIGHT, _BRIGHT_SHARE = 0.9, 0.99  # luminance that this quantile of the truth is shown with; 1 = white
 _DARKEST = 1e-6  # scene units: a channel without light needs no balance
+UNEVEN = 10.0  # distance in the plane of CIELAB a*, b*: seen at a glance within one word
+_SAME = 5.0  # CIELAB distance of two true colours that count as one
+_STEP, _STEPS = 3, 2  # pixels between the places that are compared with, and how many to either side: as far as letters are wide
+_FEWEST = 3.0  # of these 25 places must have a pixel's own colour: a pixel along an edge is of no colour
+PLACES = {"darkest tenth": 0.1, "to a quarter": 0.25, "to a half": 0.5, "to three quarters": 0.75, "brightest": 1.0}
+"""The bins, and the quantile of the truth's luminance at which each ends."""
+_BLUR = 8.0  # pixels: no fine detail is left, and hardly any noise
+_LEAST = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)  # scene units: three standard errors of such a mean at a sigma of 0.03
 
 
 def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
@@ -23,6 +34,50 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
         wrong[rows] = delta_e_2000(lab(gain * rendered[rows]), lab(gain * truth[rows])) > WRONG
     return wrong
+
+
+def uneven_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
+    """Pixels whose error of hue and chroma (a*, b*) is not that of the pixels around with the same true colour; bool (H, W).
+
+    An error that all of a small object shares is none here. Both pictures are shown as in `wrong_hue`.
+    rendered, truth: (H, W, 3), linear, scene units.
+    """
+    seen, true = displayed(rendered, truth), displayed(truth, truth)
+    error, reach = (seen - true)[..., 1:], _STEP * _STEPS
+    (height, width), total = error.shape[:2], np.zeros_like(error)
+    count = np.zeros((height, width, 1), np.float32)
+    wide_error, wide_true = (np.pad(each, ((reach, reach), (reach, reach), (0, 0)), "reflect") for each in (error, true))
+    for down in range(0, 2 * reach + 1, _STEP):
+        for right in range(0, 2 * reach + 1, _STEP):
+            place = slice(down, down + height), slice(right, right + width)
+            same = (np.square(wide_true[place] - true).sum(axis=2, keepdims=True) < _SAME**2).astype(np.float32)
+            total += same * wide_error[place]
+            count += same
+    apart = np.square(error - total / count).sum(axis=2)
+    return (apart > UNEVEN**2) & (count[..., 0] >= _FEWEST)
+
+
+def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
+    """Sums over the pixels of each bin, float64 (2, 5): rendered colour times true colour, and true colour squared.
+
+    Their ratio, also of the sums of several pictures, is the slope of the rendered colour on the true one: 1 is right, 0 is grey.
+    Colour is what remains of the channels without their mean, in pictures that are white balanced (shades of grey of the truth) and
+    blurred by a Gaussian. Pixels with hardly any colour, and `BORDER` pixels at each side, are left out.
+
+    rendered, truth: (H, W, 3), linear, scene units.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    white = np.maximum(shades_of_grey(truth) or truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
+    balanced = [picture * (white.mean() / white) for picture in (rendered, truth)]
+    inner = (slice(BORDER, -BORDER),) * 2
+    seen, true = (gaussian_filter(each, _BLUR, axes=(0, 1))[inner] for each in balanced)
+    luminance = true.mean(axis=2)
+    seen, true = seen - seen.mean(axis=2, keepdims=True), true - luminance[..., None]
+    coloured = np.square(true).mean(axis=2) > _LEAST**2
+    place = np.searchsorted(np.quantile(luminance, list(PLACES.values())[:-1]), luminance[coloured])
+    products = ((first * true).sum(axis=2)[coloured] for first in (seen, true))
+    return np.stack([np.bincount(place, each, len(PLACES)) for each in products])
 
 
 def displayed(picture: FloatArray, truth: FloatArray) -> FloatArray:

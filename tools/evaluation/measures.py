@@ -3,7 +3,7 @@
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,9 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tools.scenes.scene import RGB
 
-from .colour_kept import PLACES, colour_kept
 from .coverage import BINS, KINDS, PARTS, WITHIN, coverage, foretold, histograms
-from .hue import wrong_hue
-from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
-from .one_hue import uneven_hue
-from .ssim import ssim
+from .hue import PLACES, colour_kept, uneven_hue, wrong_hue
+from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, ssim, whole_psnr
 
 PLANES = ("rgb", "luminance", "chrominance")
 TITLES = ("RGB", "luminance", "chrominance")
@@ -25,11 +22,10 @@ WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
-_PARTS, _KEPT = ("bins", "counts"), ("kept", "covered", "doubts")
+_ARRAYS = ("kept", "covered", "doubts", "errors", "hues")
 
 
-@dataclass(frozen=True, eq=False)
-class Histogram:
+class Histogram(NamedTuple):
     """Number of patches by PSNR: bin numbers, ascending, and counts, both int64."""
 
     bins: NDArray[np.int64]
@@ -38,16 +34,14 @@ class Histogram:
     @classmethod
     def of(cls, decibels: DoubleArray) -> "Histogram":
         """Histogram of PSNR in dB, any shape."""
-        places = np.floor((decibels.ravel() - _LOWEST) / _STEP).clip(0, _BINS - 1).astype(np.int64)
-        bins, counts = np.unique(places, return_counts=True)
-        return cls(bins, counts.astype(np.int64))
+        places = np.floor((decibels - _LOWEST) / _STEP).clip(0, _BINS - 1).astype(np.int64)
+        return cls(*np.unique(places, return_counts=True))
 
     @classmethod
     def pooled(cls, parts: Sequence["Histogram"]) -> "Histogram":
         """Histogram of all patches of all parts together."""
-        total = np.bincount(
-            np.concatenate([part.bins for part in parts]), np.concatenate([part.counts for part in parts]), _BINS
-        ).astype(np.int64)
+        bins, counts = (np.concatenate(each) for each in zip(*parts, strict=True))
+        total = np.bincount(bins, counts, _BINS).astype(np.int64)
         bins = np.flatnonzero(total)
         return cls(bins, total[bins])
 
@@ -99,35 +93,33 @@ class Measures:
         channels: the N letters of the channels.
         """
         rendered, stated = rendered[..., : truth.shape[-1]], rendered[..., truth.shape[-1] :]
-        maps = patch_psnr(rendered, truth)
-        places = [channels.index(letter) for letter in RGB if letter in channels]
-        visible, known = len(places) == len(RGB), stated.shape[-1] > 0
-        shown, inner = (rendered[..., places], truth[..., places]), (slice(BORDER, -BORDER),) * 2
-        wrong = wrong_hue(*shown) if visible else np.zeros(truth.shape[:2], bool)
-        return cls(
-            Quality.of(maps),
-            whole_psnr(rendered, truth, BORDER),
-            ssim(rendered, truth, BORDER),
-            float(wrong[inner].mean()) if visible else None,
-            float(uneven_hue(*shown)[inner].mean()) if visible else None,
-            colour_kept(*shown) if visible else np.zeros((2, len(PLACES))),
-            coverage(rendered, truth, stated) if known else np.zeros((len(PARTS), len(KINDS), len(WITHIN) + 1)),
-            histograms(foretold(*shown, stated[..., [0, *(1 + place for place in places)]])[inner], wrong[inner])
-            if known and visible
-            else np.zeros((2, BINS)),
-            tuple(Histogram.of(plane) for plane in maps),
-            _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
-            _window_means(wrong.astype(np.float64)),
-        )
+        maps, inner = patch_psnr(rendered, truth), (slice(BORDER, -BORDER),) * 2
+        wrong, wrong_share, uneven_share = np.zeros(truth.shape[:2], bool), None, None
+        kept, doubts = np.zeros((2, len(PLACES))), np.zeros((2, BINS))
+        covered = coverage(rendered, truth, stated) if stated.size else np.zeros((len(PARTS), len(KINDS), len(WITHIN) + 1))
+        if set(RGB) <= set(channels):
+            places = [channels.index(letter) for letter in RGB]
+            shown = rendered[..., places], truth[..., places]
+            wrong, kept = wrong_hue(*shown), colour_kept(*shown)
+            wrong_share, uneven_share = float(wrong[inner].mean()), float(uneven_hue(*shown)[inner].mean())
+            if stated.size:
+                score = foretold(*shown, stated[..., [0, *(1 + place for place in places)]])
+                doubts = histograms(score[inner], wrong[inner])
+        whole, likeness = whole_psnr(rendered, truth, BORDER), ssim(rendered, truth, BORDER)
+        patches = tuple(map(Histogram.of, maps))
+        squares = np.square(rendered.astype(np.float64) - truth).mean(axis=2), wrong.astype(np.float64)
+        figures = Quality.of(maps), whole, likeness, wrong_share, uneven_share, kept, covered, doubts, patches
+        return cls(*figures, *map(_window_means, squares))
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
-        parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
-        hues = self.wrong_hue, self.uneven_hue
-        whole = np.array([*self.psnr, self.ssim, *(np.nan if each is None else each for each in hues)])
-        planes: dict[str, Any] = {name: getattr(self, name) for name in (*_KEPT, "errors", "hues")}
-        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **planes, **parts)
+        parts = {
+            f"{plane}_{of}": each for plane, part in zip(PLANES, self.patches, strict=True) for of, each in part._asdict().items()
+        }
+        whole = np.array([*self.psnr, self.ssim, self.wrong_hue, self.uneven_hue], float)  # None becomes NaN
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays, **parts)
         return buffer.getvalue()
 
     @classmethod
@@ -135,13 +127,12 @@ class Measures:
         """Inverse of `encode`. Raises InputError for anything else."""
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-                parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
-                quality: Any = [tuple(row) for row in stored["quality"].tolist()]
-                *psnr, ssim_, wrong, uneven = stored["whole"].tolist()
-                wrong, uneven = (None if np.isnan(each) else each for each in (wrong, uneven))
-                kept, covered, doubts, errors, hues = (stored[name] for name in (*_KEPT, "errors", "hues"))
-                whole = Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, uneven
-                return cls(*whole, kept, covered, doubts, parts, errors, hues)
+                patches = tuple(Histogram(*(stored[f"{plane}_{of}"] for of in Histogram._fields)) for plane in PLANES)
+                quality: Any = map(tuple, stored["quality"].tolist())
+                whole: Any = tuple(None if np.isnan(each) else each for each in stored["whole"].tolist())
+                arrays = {name: stored[name] for name in _ARRAYS}
+                likeness, wrong, uneven = whole[3:]
+                return cls(Quality(*quality), whole[:3], likeness, wrong, uneven, patches=patches, **arrays)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 
@@ -151,17 +142,15 @@ def window_origins(size: int) -> list[int]:
 
     If no square fits there is one origin, of a smaller square.
     """
-    span = size - 2 * BORDER
-    if span <= WINDOW:
-        return [BORDER]
-    return [*range(BORDER, size - BORDER - WINDOW, STRIDE), size - BORDER - WINDOW]
+    last = size - BORDER - WINDOW
+    return [*range(BORDER, last, STRIDE), last] if last > BORDER else [BORDER]
 
 
 def _window_means(plane: DoubleArray) -> FloatArray:
     """Means of a plane (H, W) over the squares."""
+    plane = plane[BORDER:-BORDER, BORDER:-BORDER]
     for axis in (0, 1):
-        origins = window_origins(plane.shape[axis])
-        end = plane.shape[axis] - BORDER if len(origins) == 1 else 0
-        means = [plane.take(range(start, end or start + WINDOW), axis).mean(axis=axis) for start in origins]
+        origins = window_origins(plane.shape[axis] + 2 * BORDER)
+        means = [np.moveaxis(plane, axis, 0)[start - BORDER :][:WINDOW].mean(axis=0) for start in origins]
         plane = np.stack(means, axis=axis)
     return plane.astype(np.float32)

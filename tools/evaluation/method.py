@@ -7,7 +7,10 @@ from typing import Any
 from shared.arrays import FloatArray
 from tools.host.versions import package_version
 
-from .cameras import CameraPair, Denoise
+from .cameras import CameraPair, Denoise, with_balance
+
+_EXTRAS = {"bm3d": "rivals", "demosaicnet": "learned-rivals", "torch": "learned-rivals"}
+"""Packages that another extra of ours than `evaluation` installs."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Method:
     balanced: a rival that gets white-balanced samples.
     denoise: applied to a rival's samples first.
     whole_shot: whether a rival's function gets the `BayerShot`, with its noise, and what white reads, instead of the samples.
-    packages: distributions that it needs; results depend on their versions, too. extra: of ours, which installs them.
+    packages: distributions that it needs; results depend on their versions, too.
     seconds: rough duration per megapixel, from which the time left is estimated.
     """
 
@@ -36,7 +39,6 @@ class Method:
     denoise: Denoise | None = None
     whole_shot: bool = False
     packages: tuple[str, ...] = ()
-    extra: str = "evaluation"
     seconds: float = 1.0
 
     @property
@@ -52,16 +54,13 @@ class Method:
     @property
     def remedy(self) -> str:
         """The command that installs what the method needs."""
-        return f"pip install -e '.[{self.extra}]'"
+        return f"pip install -e '.[{_EXTRAS.get(self.missing or '', 'evaluation')}]'"
 
     @property
     def identity(self) -> dict[str, Any]:
         """What results depend on besides scene, noise and pattern, as JSON values."""
-        return {
-            "method": self.name,
-            "version": self.version,
-            "packages": {each: package_version(each) for each in self.packages},
-        }
+        packages = {each: package_version(each) for each in self.packages}
+        return {"method": self.name, "version": self.version, "packages": packages}
 
     def with_balance(self) -> "Method":
         """The same method, given white-balanced samples."""
@@ -75,6 +74,7 @@ class Method:
         if self.sparse:
             picture = cameras.render_sparse(self.function)
             return picture if stated else picture[..., : cameras.truth.shape[2]]
+        shot, white = cameras.denoised(self.denoise) if self.denoise else cameras.bayer, cameras.white
         if self.whole_shot:
-            return cameras.render_shot(self.function)
-        return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)
+            return self.function(shot, white)
+        return with_balance(self.function, shot.samples, white) if self.balanced else self.function(shot.samples)

@@ -1,15 +1,47 @@
-"""The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its name in this file."""
+"""The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its name in _RIVALS."""
 
-from functools import cache
+from dataclasses import asdict
+from functools import cache, partial
 
+import numpy as np
+
+from offline import PRESETS, RenderSettings, render
+from offline.version import ALGORITHM
+from shared import Mosaic
+from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.spelling import meant
+from tools.pictures.previews import linear_preview, preview_version
 
-from . import ours
 from .method import Method
-from .rivals import bilinear, colour_demosaicing, demosaicnet, denoising, dlmmse, libraw, network, opencv, plane_denoising, planes
+from .rivals import demosaicnet, denoising, dlmmse, integers, interpolation, network, planes
 
-_RIVALS = (planes, plane_denoising, bilinear, colour_demosaicing, dlmmse, libraw, opencv, demosaicnet, denoising)
+
+def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """Render a shot with the off-camera renderer. Returns float32 (H, W, C), scene units of the shot."""
+    return render(mosaic, settings).rgb
+
+
+def render_stated(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """As `render_preset`, with `offline.Rendering.uncertainty` behind the channels: float32 (H, W, C + 1 + C)."""
+    found = render(mosaic, settings, uncertainty=True)
+    return np.concatenate([found.rgb, found.uncertainty], axis=2) if found.uncertainty is not None else found.rgb
+
+
+def _preset(name: str, title: str, seconds: float) -> Method:
+    settings = PRESETS[name]
+    version, packages = [ALGORITHM, asdict(settings)], ("onnxruntime",) if settings.learned.used else ()
+    function = partial(render_stated if settings.pooling.used else render_preset, settings)
+    return Method(name, f"Sparse colour, {title}", function, version, ours=True, sparse=True, packages=packages, seconds=seconds)
+
+
+def _preview() -> Method:
+    title, packages = "Sparse colour, preview", ("onnxruntime",)
+    return Method("preview", title, linear_preview, preview_version(), ours=True, sparse=True, packages=packages, seconds=0.1)
+
+
+_OURS = (_preset("paper", "paper", 0.3), _preset("best", "best", 2), _preset("unlearned", "best, unlearned", 2), _preview())
+_RIVALS = (planes, interpolation, dlmmse, integers, demosaicnet, denoising)
 
 
 class _Methods(dict[str, Method]):
@@ -24,7 +56,8 @@ class _Methods(dict[str, Method]):
 @cache
 def methods() -> dict[str, Method]:
     """All methods by name: ours, then the others for any pattern, then those of a Bayer camera; and any network by its file's."""
-    return _Methods((method.name, method) for module in (ours, *_RIVALS) for method in module.METHODS)
+    known = (*_OURS, *(method for module in _RIVALS for method in module.METHODS))
+    return _Methods((method.name, method) for method in known)
 
 
 def default_names() -> list[str]:

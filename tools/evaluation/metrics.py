@@ -1,8 +1,9 @@
-"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance."""
+"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance; and SSIM."""
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
@@ -11,7 +12,8 @@ PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.10, 0.25, 0.50, 0.75)
 CAP = 200.0  # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
-
+_RADIUS, _SIGMA = 5, 1.5  # of SSIM: an 11 x 11 Gaussian window
+_C1, _C2 = 0.01**2, 0.03**2  # K1, K2 at a dynamic range of 1
 
 Quantiles = tuple[float, float, float, float]
 
@@ -57,15 +59,9 @@ def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH,
     patch, border: pixels.
     Raises InputError when the shapes differ, a value is not finite, or no patch fits.
     """
-    error = _error(rendered, truth)
-    rows, columns = error.shape[0] - 2 * border, error.shape[1] - 2 * border
-    if min(rows, columns) < patch:
-        raise InputError(
-            f"a picture of {error.shape[1]} x {error.shape[0]} pixels has no {patch} x {patch} patch inside a border of {border}; "
-            f"at least {patch + 2 * border} pixels each way are needed"
-        )
-    squares = _squares(error[border : border + rows, border : border + columns])
-    return PatchPsnr(*(_decibels(_box_mean(square, patch)) for square in squares))
+    # Windows are summed one by one: differences of running sums would leave 1e-12 in a patch without error.
+    columns = (sliding_window_view(square, patch, axis=0).sum(axis=-1) for square in _squares(rendered, truth, border, patch))
+    return PatchPsnr(*(_decibels(sliding_window_view(each, patch, axis=1).sum(axis=-1) / patch**2) for each in columns))
 
 
 def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
@@ -78,44 +74,63 @@ def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tupl
 
     Arguments and errors as in `patch_psnr`.
     """
-    error = _error(rendered, truth)
-    inner = error[border : error.shape[0] - border, border : error.shape[1] - border]
-    if inner.size == 0:
-        raise InputError(f"a picture of {error.shape[1]} x {error.shape[0]} pixels lies wholly within a border of {border}")
-    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in _squares(inner))
+    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in _squares(rendered, truth, border, 1))
     return rgb, luminance, chrominance
 
 
-def _squares(error: DoubleArray) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
-    """Squared errors (H, W) in RGB, luminance and chrominance."""
+def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
+    """Mean structural similarity over all channels and all windows that lie `border` pixels or more inside the frame.
+
+    After Z. Wang et al., "Image quality assessment", IEEE Transactions on Image Processing 13(4), 2004.
+
+    rendered, truth: (H, W, C), scene units, range 1.
+    Raises InputError when the shapes differ or no window fits.
+    """
+    inner = _inside(rendered, truth, border, 2 * _RADIUS + 1)
+    return float(np.mean([_similarity(rendered[(*inner, c)], truth[(*inner, c)]) for c in range(rendered.shape[2])]))
+
+
+def _similarity(x: FloatArray, y: FloatArray) -> float:
+    a, b = x.astype(np.float64), y.astype(np.float64)
+    mean_a, mean_b = _local_mean(a), _local_mean(b)
+    variance_a, variance_b = _local_mean(a * a) - mean_a**2, _local_mean(b * b) - mean_b**2
+    covariance = _local_mean(a * b) - mean_a * mean_b
+    likeness = (2 * mean_a * mean_b + _C1) * (2 * covariance + _C2)  # Eq. 13
+    return float((likeness / ((mean_a**2 + mean_b**2 + _C1) * (variance_a + variance_b + _C2))).mean())
+
+
+def _local_mean(values: DoubleArray) -> DoubleArray:
+    """Gaussian mean over each window, (H - 10, W - 10)."""
+    from scipy.ndimage import gaussian_filter
+
+    return gaussian_filter(values, _SIGMA, radius=_RADIUS)[_RADIUS:-_RADIUS, _RADIUS:-_RADIUS]
+
+
+def _squares(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+    """Squared errors inside the border in RGB, luminance and chrominance, (h, w) each."""
+    inner = _inside(rendered, truth, border, size)
+    error: DoubleArray = rendered.astype(np.float64) - truth
+    if not np.isfinite(error).all():
+        raise InputError("a value is not finite (NaN or infinite): there is no PSNR")
+    error = error[inner]
     luminance: DoubleArray = error.mean(axis=2)
     chrominance = error - luminance[..., None]
     return (error**2).mean(axis=2), luminance**2, (chrominance**2).mean(axis=2)
 
 
-def _error(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
+def _inside(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[slice, slice]:
+    """Rows and columns inside the border. Raises InputError where the shapes differ, or no square of `size` pixels fits."""
     if rendered.shape != truth.shape or rendered.ndim != 3:
         raise InputError(
             f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected two pictures (rows, columns, channels) alike"
         )
-    error: DoubleArray = rendered.astype(np.float64) - truth
-    if not np.isfinite(error).all():
-        raise InputError("a value is not finite (NaN or infinite): there is no PSNR")
-    return error
-
-
-def _box_mean(values: DoubleArray, size: int) -> DoubleArray:
-    """Mean over every size x size square, (H - size + 1, W - size + 1).
-
-    Adds shifted copies: differences of running sums would leave 1e-12 in a patch without error.
-    """
-    for axis in (0, 1):
-        length = values.shape[axis] - size + 1
-        total = np.zeros_like(values.take(range(length), axis))
-        for shift in range(size):
-            total += values[shift : shift + length] if axis == 0 else values[:, shift : shift + length]
-        values = total
-    return values / size**2
+    rows, columns = truth.shape[:2]
+    if min(rows, columns) < size + 2 * border:
+        raise InputError(
+            f"a picture of {columns} x {rows} pixels has no square of {size} x {size} inside a border of {border}; "
+            f"at least {size + 2 * border} pixels each way are needed"
+        )
+    return slice(border, rows - border), slice(border, columns - border)
 
 
 def _decibels(mean_square: DoubleArray | np.float64) -> DoubleArray:

@@ -1,22 +1,22 @@
 """The tables of a report, which the terminal and the page print alike, and the report for a terminal."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import nan
+from typing import TypeVar
 
 from tools.camera.protocols import Protocol
 from tools.host.console import one_line
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
-from .claims import claims
-from .colour_kept import PLACES
-from .coverage import KINDS, PARTS, WITHIN
-from .criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion
-from .figures import Figures, SetFigures
+from .coverage import KIND_ENDS, KINDS, PARTS, WITHIN
+from .figures import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion, Figures, SetFigures
+from .hue import PLACES
 from .methods import methods
-from .scene_sets import SceneInfo
 from .strokes import COLOURS, WIDTHS
-from .verdict import capital, caveats, heading, headline, losses, standing
+from .verdict import capital, caveats, claims, heading, headline, losses, standing
+
+T = TypeVar("T")
 
 _OF_PATTERNS = {"median RGB": RGB, "worst colour": TENTH_CHROMINANCE, "whole image": WHOLE, "hue, %": HUE}
 """By what patterns are compared: how most of a picture looks, and its worst places."""
@@ -52,18 +52,27 @@ class Table:
     rows: Sequence[Row]
 
 
-def method_table(group: SetFigures, criterion: Criterion) -> Table:
-    """A set by a criterion: a row for each method, a column for each level, and how much better ours is than the best rival."""
-    study, rows = group.study, []
-    best = [group.best(level, criterion) for level in study.levels]
+def method_table(group: SetFigures, *criteria: Criterion, scene: str | None = None) -> Table:
+    """A set by criteria, or one of its scenes: a row for each method, a column for each level.
+
+    The best are those by the first criterion. A set also has a row that says how much better ours is than the best rival by it.
+    """
+    study, first = group.study, criteria[0]
+    best, rows = [group.best(level, first, scene=scene) for level in study.levels], []
     for name in study.methods:
-        texts = [criterion.text(criterion.of(group.figure(level, name))) for level in study.levels]
+        found = [group.figure(level, name, scene) for level in study.levels]
+        texts = [" / ".join(each.text(each.of(figure)) for each in criteria) for figure in found]
         rows.append(_of_method(name, texts, [name == each for each in best]))
-    margins = [group.margin(level, criterion) for level in study.levels]
+    margins = [group.margin(level, first) for level in study.levels if scene is None]
     if any(margins):
-        texts = [f"{criterion.difference(each.lead)} ({each.rival})" if each else criterion.text(nan) for each in margins]
+        texts = [f"{first.difference(each.lead)} ({each.rival})" if each else first.text(nan) for each in margins]
         rows.append(Row(f"{study.ours} minus best rival", texts, kind="margin"))
     return Table(["Method", *_levels(group)], rows)
+
+
+def scene_table(group: SetFigures, scene: str) -> Table:
+    """The median RGB, luminance and chrominance of a scene: a row for each method, a column for each level."""
+    return method_table(group, RGB, LUMINANCE, CHROMINANCE, scene=scene)
 
 
 def standing_table(group: SetFigures) -> Table:
@@ -73,40 +82,26 @@ def standing_table(group: SetFigures) -> Table:
     return Table([f"{group.study.ours} minus best rival", *_levels(group)], rows)
 
 
-def scene_table(group: SetFigures, scene: SceneInfo) -> Table:
-    """The median RGB, luminance and chrominance of a scene: a row for each method, a column for each level."""
-    best = [group.best(level, scene=scene.name) for level in group.study.levels]
-    rows = []
-    for name in group.study.methods:
-        found = [group.figure(level, name, scene.name) for level in group.study.levels]
-        texts = [" / ".join(each.text(each.of(figure)) for each in (RGB, LUMINANCE, CHROMINANCE)) for figure in found]
-        rows.append(_of_method(name, texts, [name == each for each in best]))
-    return Table(["Method", *_levels(group)], rows)
-
-
 def pattern_table(group: SetFigures, level: Protocol) -> Table:
     """The patterns of a study for our renderer, with what it gains on the other methods for any pattern."""
-    study = group.study
-    values = {head: group.by_pattern(level, criterion) for head, criterion in _OF_PATTERNS.items()}
-    best = [group.best_pattern(level, criterion) for criterion in _OF_PATTERNS.values()]
+    study, rows = group.study, []
     others = [name for name in study.methods if methods()[name].sparse and not methods()[name].ours]
-    medians, rows = group.by_pattern(level), []
-    gains = {f"over {name}": group.by_pattern(level, RGB, name) for name in others}
+    values = [(each, group.by_pattern(level, each), group.best_pattern(level, each)) for each in _OF_PATTERNS.values()]
+    medians, gains = group.by_pattern(level), [group.by_pattern(level, RGB, name) for name in others]
     for tile in study.tiles:
         light = study.light(tile)
         facts = [f"{100 * tile.panchromatic_share:.0f} %", f"{light:.2f}×" if light else "–"]
-        texts = [each.text(values[head].get(tile, nan)) for head, each in _OF_PATTERNS.items()]
-        leads = [f"{medians[tile] - each[tile]:+.1f}" if tile in medians and tile in each else "–" for each in gains.values()]
-        marks = [*[False] * len(facts), *(each == tile for each in best), *[False] * len(leads)]
+        texts = [each.text(found.get(tile, nan)) for each, found, _ in values]
+        leads = [f"{medians[tile] - each[tile]:+.1f}" if tile in medians and tile in each else "–" for each in gains]
+        marks = [False, False, *(best == tile for *_, best in values), *[False] * len(leads)]
         rows.append(Row(tile.name, [*facts, *texts, *leads], marks))
-    return Table([capital(level.text), "W", "light", *_OF_PATTERNS, *gains], rows)
+    return Table([capital(level.text), "W", "light", *_OF_PATTERNS, *(f"over {name}" for name in others)], rows)
 
 
 def stroke_table(figures: Figures, level: Protocol) -> Table:
     """What each method keeps of the colour of narrow strokes: a row for each method and pattern, a column for each width."""
     shown = [each for each in figures.strokes if each.level == level]
-    best = [max(column) for column in zip(*(each.least for each in shown), strict=True)]
-    rows = []
+    best, rows = [max(column) for column in zip(*(each.least for each in shown), strict=True)], []
     for each in shown:
         name = f", {each.tile.title}" if each.tile and len(figures.study.tiles) > 1 else ""
         marks = [part == most for part, most in zip(each.least, best, strict=True)]
@@ -116,25 +111,22 @@ def stroke_table(figures: Figures, level: Protocol) -> Table:
 
 def kept_table(group: SetFigures, level: Protocol) -> Table:
     """What each method keeps of colour by luminance: a row for each method, a column for each bin."""
-    rows = []
-    for name in group.study.methods:
-        if figure := group.figure(level, name):
-            slopes = [figure.values[f"kept_{place + 1}"] for place in range(len(PLACES))]
-            rows.append(_of_method(name, ["–" if slope is None else f"{slope:.2f}" for slope in slopes], ()))
-    return Table([capital(level.text), *PLACES], rows)
+    found = [(name, figure.values) for name in group.study.methods if (figure := group.figure(level, name))]
+    texts = [(name, [_part(values[f"kept_{place}"], 2) for place in range(1, len(PLACES) + 1)]) for name, values in found]
+    return Table([capital(level.text), *PLACES], [_of_method(*each) for each in texts])
 
 
 def covered_table(group: SetFigures, level: Protocol) -> Table:
     """How often errors lie within what a picture states: two rows for each method that states it, a column by kind of place."""
     rows = []
     for name in group.study.methods:
-        if (figure := group.figure(level, name)) and figure.values["colour_1"] is not None:
-            for part in PARTS:
-                ends = ["", *(f"_{kind.replace(' ', '_')}" for kind in KINDS)]
-                pairs = [[figure.values[f"{part}_{within}{end}"] for within in WITHIN] for end in ends]
-                texts = [" / ".join("–" if each is None else f"{100 * each:.1f}" for each in pair) for pair in pairs]
-                area = figure.values["foretold"] if part == PARTS[-1] else None
-                rows.append(_of_method(name, [*texts, "" if area is None else f"{area:.2f}"], (), f", {part}"))
+        figure = group.figure(level, name)
+        if figure is None or figure.values["colour_1"] is None:
+            continue
+        for part in PARTS:
+            pairs = [[_part(figure.values[f"{part}_{within}{end}"], 1, 100) for within in WITHIN] for end in KIND_ENDS]
+            area = _part(figure.values["foretold"], 2, none="") if part == PARTS[-1] else ""
+            rows.append(_of_method(name, [*map(" / ".join, pairs), area], more=f", {part}"))
     return Table([capital(level.text), "everywhere", *KINDS, "wrong hue"], rows)
 
 
@@ -163,7 +155,7 @@ def plain_text(figures: Figures) -> str:
     study, lines = figures.study, []
     for group in figures.sets:
         lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
-        lines += [*_aligned(method_table(group, RGB)), headline(group), *caveats(group)]
+        lines += [*_aligned([method_table(group, RGB)]), headline(group), *caveats(group)]
         for level in study.levels:
             found = {each.title: standing(group, level, each) for each in CRITERIA}
             lines += [f"{capital(level.text)}, {title}: {text}" for title, text in found.items() if text]
@@ -171,32 +163,38 @@ def plain_text(figures: Figures) -> str:
         if summary := losses(group):
             lines.append(f"Where we lose: {summary}")
         if len(study.tiles) > 1 and study.ours:
-            lines.append(f"Patterns under the same light, {methods()[study.ours].title}, dB")
-            lines += [line for level in study.levels for line in _aligned(pattern_table(group, level))]
-        lines.append(f"{KEPT}:")
-        lines += [line for level in study.levels for line in _aligned(kept_table(group, level))]
-        covered = [line for level in study.levels for line in _aligned(covered_table(group, level))]
-        lines += [f"{COVERED}:", *covered] if covered else []
+            tables = by_level(pattern_table, group, study.levels)
+            lines += [f"Patterns under the same light, {methods()[study.ours].title}, dB", *_aligned(tables)]
+        for title, table in ((KEPT, kept_table), (COVERED, covered_table)):
+            if tables := by_level(table, group, study.levels):
+                lines += [f"{title}:", *_aligned(tables)]
         lines.append("")
     if figures.strokes:
-        lines.append(f"{STROKES}:")
-        lines += [line for level in study.levels for line in _aligned(stroke_table(figures, level))]
+        lines += [f"{STROKES}:", *_aligned(by_level(stroke_table, figures, study.levels))]
     return "\n".join(map(one_line, lines)).rstrip()
 
 
-def _of_method(name: str, texts: Sequence[str], best: Sequence[bool], more: str = "") -> Row:
+def by_level(table: Callable[[T, Protocol], Table], figures: T, levels: Iterable[Protocol]) -> list[Table]:
+    """The tables of each level that have rows."""
+    return [found for level in levels if (found := table(figures, level)).rows]
+
+
+def _of_method(name: str, texts: Sequence[str], best: Sequence[bool] = (), more: str = "") -> Row:
     return Row(methods()[name].title + more, texts, best, "ours" * methods()[name].ours)
+
+
+def _part(value: float | None, digits: int, scale: int = 1, none: str = "–") -> str:
+    return none if value is None else f"{scale * value:.{digits}f}"
 
 
 def _levels(group: SetFigures) -> list[str]:
     return [capital(level.text) for level in group.study.levels]
 
 
-def _aligned(table: Table) -> Iterable[str]:
-    """The lines of a table: the first column at its left edge, the others at their right one. No row, no table."""
-    if not table.rows:
-        return
-    rows = [table.head, *([row.title, *row.texts] for row in table.rows)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for first, *others in rows:
-        yield "  ".join([f"{first:{widths[0]}}", *(f"{text:>{width}}" for text, width in zip(others, widths[1:], strict=True))])
+def _aligned(tables: Iterable[Table]) -> Iterable[str]:
+    """The lines of tables: the first column at its left edge, the others at their right one."""
+    for table in tables:
+        rows = [table.head, *([row.title, *row.texts] for row in table.rows)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for first, *others in rows:
+            yield "  ".join([f"{first:{widths[0]}}", *(f"{text:>{width}}" for text, width in zip(others, widths[1:], strict=True))])

@@ -216,7 +216,9 @@ def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: 
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
-    """All results that are there, in the order of the report."""
+    """All results that are there, in the order of the report. Raises InputError where there is none."""
     cache = Cache(folder / FOLDER)
-    found = ((cell, cache.get(cell.name, Measures.decode)) for cell in study.cells())
-    return {cell: measures for cell, measures in found if measures is not None}
+    found = {cell: measures for cell in study.cells() if (measures := cache.get(cell.name, Measures.decode)) is not None}
+    if not found:
+        raise InputError("nothing could be measured; the lines above say why")
+    return found

@@ -6,18 +6,17 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from tools.camera.protocols import Protocol
 from tools.host.console import one_line
 
-from .claims import claims
-from .criteria import CRITERIA, EVEN
-from .figures import Figure, Figures, SetFigures
+from .figures import CRITERIA, EVEN, Figures, SetFigures
 from .methods import methods
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
 from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
 from .tiles import Tile
-from .verdict import best_period, caveats
+from .verdict import best_period, caveats, claims
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
@@ -28,24 +27,25 @@ _DIGITS = {"ssim": 6, "wrong_hue": 6}  # of figures; of all others 4
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
-    return [_row(figures.study, figure) for figure in figures.rows]
+    found = []
+    for each in figures.rows:
+        row = _row(each.group, each.scene, each.level, each.method, each.tile)
+        values = {name: value if value is None else round(value, _DIGITS.get(name, 4)) for name, value in each.values.items()}
+        facts = _facts(figures.study, each.tile)
+        found.append(row | values | {"scenes": each.scenes, "pattern": each.tile and each.tile.name} | facts)
+    return found
 
 
 def stroke_rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per method, level, pattern and colour of the drawn strokes; kept_8 is the part kept in those of 8 pixels."""
-    return [
-        {
-            "group": _DRAWN,
-            "scene": colour,
-            "level": each.level.level,
-            "method": each.method,
-            "period": each.tile and each.tile.period,
-            "pattern": each.tile and each.tile.name,
-            **{f"kept_{width}": round(part, 4) for width, part in zip(WIDTHS, parts, strict=True)},
-        }
-        for each in figures.strokes
-        for colour, parts in zip(COLOURS, each.kept, strict=True)
-    ]
+    found = []
+    for each in figures.strokes:
+        for colour, parts in zip(COLOURS, each.kept, strict=True):
+            values = {f"kept_{width}": round(part, 4) for width, part in zip(WIDTHS, parts, strict=True)}
+            found.append(
+                _row(_DRAWN, colour, each.level, each.method, each.tile) | {"pattern": each.tile and each.tile.name} | values
+            )
+    return found
 
 
 def encode_csv(figures: Figures) -> bytes:
@@ -75,7 +75,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             "period": study.tile.period,
             "periods": study.periods,
             "pattern": study.tile.name,
-            "patterns": {tile.name: {"tile": tile.letters, **_facts(study, tile)} for tile in study.tiles},
+            "patterns": {tile.name: {"tile": tile.letters, "period": tile.period, **_facts(study, tile)} for tile in study.tiles},
             "patch": PSNR_PATCH,
             "border": BORDER,
             "quantiles": QUANTILES,
@@ -112,47 +112,32 @@ def _verdict(group: SetFigures) -> dict[str, Any]:
                 "best_pattern": {name: tile and tile.name for name, tile in patterns.items()},
             }
         )
-    losses = [
-        {
-            "scene": each.scene,
-            "level": each.level.level,
-            "rival": each.rival,
-            "figure": each.criterion.name,
-            "margin": round(-each.lead, 4),
-        }
-        for each in group.comparisons
-        if each.lost
-    ]
     return {
         "ours": group.study.ours,
         "levels": levels,
         "caveats": caveats(group),
         "claims": [vars(each) for each in claims(group)],
         "comparisons": len(group.comparisons),
-        "losses": losses,
+        "losses": [
+            {
+                "scene": each.scene,
+                "level": each.level.level,
+                "rival": each.rival,
+                "figure": each.criterion.name,
+                "margin": round(-each.lead, 4),
+            }
+            for each in group.comparisons
+            if each.lost
+        ],
     }
+
+
+def _row(group: str, scene: str | None, level: Protocol, method: str, tile: Tile | None) -> dict[str, Any]:
+    """The columns with which every row begins."""
+    return dict(zip(_COLUMNS, (group, scene, level.level, method, tile and tile.period), strict=True))
 
 
 def _facts(study: Study, tile: Tile | None) -> dict[str, Any]:
     """What is known of a pattern; None in every place for a Bayer camera's method."""
     light = tile and study.light(tile)
-    return {
-        "period": tile and tile.period,
-        "panchromatic_share": tile and round(tile.panchromatic_share, 6),
-        "light": light and round(light, 6),
-    }
-
-
-def _row(study: Study, figure: Figure) -> dict[str, Any]:
-    facts, tile = _facts(study, figure.tile), figure.tile
-    return {
-        "group": figure.group,
-        "scene": figure.scene,
-        "level": figure.level.level,
-        "method": figure.method,
-        "period": facts.pop("period"),
-        **{name: value if value is None else round(value, _DIGITS.get(name, 4)) for name, value in figure.values.items()},
-        "scenes": figure.scenes,
-        "pattern": tile and tile.name,
-        **facts,
-    }
+    return {"panchromatic_share": tile and round(tile.panchromatic_share, 6), "light": light and round(light, 6)}

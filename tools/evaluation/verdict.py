@@ -1,17 +1,84 @@
-"""The verdict on a set of scenes in sentences: where ours is better, what that does not stand on, and where it loses."""
+"""The verdict on a set of scenes in sentences: where ours is better or loses, what that does not stand on, the paper's claims."""
 
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 from tools.camera.protocols import Protocol
 
-from .claims import FEW
-from .criteria import CRITERIA, EVEN, RGB, Criterion
-from .figures import Comparison, SetFigures
+from .figures import CHROMINANCE, CRITERIA, EVEN, LUMINANCE, RGB, Comparison, Criterion, SetFigures
+from .measures import TITLES
 from .methods import methods
 from .scene_sets import SPECTRAL
 
+FEW = 6  # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6 = 0.03)
 # The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
 _STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the paper, the finding, the scenes that it stands on, and the figures behind it.
+
+    finding: "shown" if it holds on the set and on each scene, "shown in part" if not on each scene or not in all, or "refuted".
+    scenes: on how many scenes it holds, and by how much.
+    """
+
+    claim: str
+    finding: str
+    scenes: str
+    why: str
+
+
+def claims(group: SetFigures) -> list[Claim]:
+    """The two claims of section 4, tested with the paper's own method and its own rival where both were measured.
+
+    Each is tested on the set as a whole and on each of its scenes.
+    """
+    levels, rivals, methods_ = group.study.levels, group.study.rivals, group.study.methods
+    rival = next((name for name in ("dlmmse", "menon", *rivals) if name in rivals), None)
+    own = "paper" if "paper" in methods_ else group.study.ours
+    if rival is None or own is None:
+        return []
+
+    def leads(scene: str | None) -> list[list[float]]:
+        """By level, those that are measured: the lead in RGB, luminance and chrominance."""
+        found = [[group.lead(level, rival, plane, scene, own) for plane in (RGB, LUMINANCE, CHROMINANCE)] for level in levels]
+        return [[value for value in lead if value is not None] for lead in found if None not in lead]
+
+    pooled, of_scenes, found = leads(None), [leads(scene) for scene in group.names], list[Claim]()
+    if len(pooled) < len(levels):
+        return []
+    few = f" (fewer than {FEW} scenes: this may be chance)" * (len(of_scenes) < FEW)
+    by_plane = list(zip(*pooled, strict=True))
+
+    def claim(text: str, margin: float, margins: Sequence[float], verb: str, whole: bool, why: str) -> None:
+        """margin, margins: what has to be positive, dB, on the set and on its scenes; whole: whether the rest of it holds."""
+        finding = "refuted" if margin < EVEN else "shown" if whole and min(margins) >= EVEN else "shown in part"
+        found.append(Claim(text, finding, ahead(margins).replace("ahead", verb, 1) + few, f"{own} minus {rival}{why}"))
+
+    if levels[0].clear:
+        rgb, luminance, chrominance = pooled[0]
+        light = f"At {levels[0].text}" if levels[0].noisy else "Noise-free"
+        why = f": {rgb:+.1f} dB RGB, {luminance:+.1f} dB luminance, {chrominance:+.1f} dB chrominance"
+        mainly = luminance > max(chrominance, 0)
+        claim(f"{light}, better than Bayer, mainly in luminance", rgb, [scene[0][0] for scene in of_scenes], "ahead", mainly, why)
+    if len(pooled) > 1:
+        parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
+        why = f", dB, at {', '.join(level.text for level in levels)}: {'; '.join(parts)}"
+        rgb_, rising = by_plane[0], all(after > before - EVEN for before, after in pairwise(by_plane[0]))
+        growth = [scene[-1][0] - scene[0][0] for scene in of_scenes]
+        claim("The more noise, the larger the lead", rgb_[-1] - rgb_[0], growth, "the lead grows", rising, why)
+    return found
+
+
+def ahead(margins: Sequence[float]) -> str:
+    """On how many scenes margins (dB) are more than none, and their range, in words."""
+    count, least, most = sum(lead >= EVEN for lead in margins), min(margins), max(margins)
+    text = f"ahead on {count} of {len(margins)} scene{'s' * (len(margins) != 1)}, by "
+    span = f"{least:.1f} to {most:.1f} dB" if least >= EVEN else f"{least:+.1f} to {most:+.1f} dB"
+    return text + (f"{least:+.1f} dB" if len(margins) == 1 else span)
 
 
 def heading(group: SetFigures) -> str:
@@ -29,7 +96,7 @@ def headline(group: SetFigures) -> str:
     kinds = (
         ("better than every Bayer rival", [each.level for each in margins if each.lead >= EVEN]),
         ("even with the best", [each.level for each in margins if abs(each.lead) < EVEN]),
-        ("worse than the best", [each.level for each in margins if each.lead <= -EVEN]),
+        ("worse than the best", [each.level for each in margins if each.lost]),
     )
     text = capital("; ".join(f"{text} at {_listed(levels)}" for text, levels in kinds if levels)) + " in median RGB PSNR."
     found = [group.margin(level, criterion) for level in group.study.levels for criterion in CRITERIA if criterion != RGB]
@@ -48,11 +115,8 @@ def caveats(group: SetFigures) -> list[str]:
     if count < FEW:
         found.append(f"Only {_scenes(count)}: with fewer than {FEW}, even being ahead on all of them may be chance.")
     for name, what, noisy in _STRONGEST:
-        same = [
-            each for each in study.rivals if name == each or (noisy and (methods()[each].denoise or methods()[each].whole_shot))
-        ]
-        meant = [level for level in study.levels if (level.noisy if noisy else level.clear)]
-        if same or not meant:
+        same = [name == each or (noisy and (methods()[each].denoise or methods()[each].whole_shot)) for each in study.rivals]
+        if any(same) or not any(level.noisy if noisy else level.clear for level in study.levels):
             continue
         method = methods()[name]
         why = f"{method.missing} is not installed: {method.remedy}" if method.missing else "it was not asked for"

@@ -14,7 +14,7 @@ from shared.errors import InputError
 from shared.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
 from tests.tools.command import run
-from tools.calibration.camera_file import write_camera
+from tools.calibration.files import write_camera
 from tools.calibration.reference import read_reference, ti3
 from tools.commands.calibrate import color_checker_xyz
 

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from shared.arrays import FloatArray
 from shared.white_balance import shades_of_grey
-from tools.evaluation.colour_kept import PLACES, colour_kept
+from tools.evaluation.hue import PLACES, colour_kept
 
 RNG = np.random.default_rng(5)
 

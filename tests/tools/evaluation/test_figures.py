@@ -14,9 +14,7 @@ from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import KODAK, measured, study_of
 from tools.camera.protocols import PaperProtocol
-from tools.evaluation.claims import FEW, Claim, ahead, claims
-from tools.evaluation.criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE
-from tools.evaluation.figures import Comparison, Figures, SetFigures
+from tools.evaluation.figures import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE, Comparison, Figures, SetFigures
 from tools.evaluation.measures import Measures
 from tools.evaluation.page.page import build_page
 from tools.evaluation.report import method_table, pattern_table, plain_text, scene_table, standing_table
@@ -24,7 +22,7 @@ from tools.evaluation.scene_sets import SPECTRAL
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
 from tools.evaluation.tiles import Tile, chosen_tiles
-from tools.evaluation.verdict import caveats, headline, losses, standing
+from tools.evaluation.verdict import FEW, Claim, ahead, caveats, claims, headline, losses, standing
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)
@@ -81,7 +79,7 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert [row.best for row in table.rows[:3]] == [[False, True], [True, False], [False, False]]
     assert table.rows[-1].texts == ["-6.0 dB (bilinear)", "+6.0 dB (dlmmse)"]
     medians = [f"{RGB.of(group.figure(level, 'dlmmse', 'scene1')):.1f} / " for level in (CLEAN, NOISY)]
-    shown = scene_table(group, study.scenes[1]).rows[2].texts
+    shown = scene_table(group, study.scenes[1].name).rows[2].texts
     assert [text.startswith(median) for text, median in zip(shown, medians, strict=True)] == [True, True]
 
 

@@ -4,8 +4,7 @@ import pytest
 from shared.errors import InputError
 from tests.tools.evaluation.examples import pair
 from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
-from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, quality
-from tools.evaluation.ssim import ssim
+from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, quality, ssim
 
 BIN = 0.0021  # dB: a bin, and rounding
 
@@ -81,7 +80,7 @@ def test_ssim_is_the_papers() -> None:
 def test_ssim_of_equal_pictures_is_one_and_needs_a_window() -> None:
     a, b = pair(20, 20)
     assert ssim(a, a) == pytest.approx(1, abs=1e-12)
-    with pytest.raises(InputError, match="window"):
+    with pytest.raises(InputError, match="11 x 11"):
         ssim(a, b, border=5)
     with pytest.raises(InputError, match="shape"):
         ssim(a, b[:-1])

@@ -10,7 +10,7 @@ from tools.evaluation import method as module
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.method import Method
 from tools.evaluation.methods import choose, default_names, methods
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.host.versions import package_version
 
 ASKED_FOR = "paper best unlearned preview bilinear malvar menon dlmmse ahd dcb dht aahd ea demosaicnet bm3d+menon bm3d+dlmmse"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shared.arrays import FloatArray
-from tools.evaluation.one_hue import uneven_hue
+from tools.evaluation.hue import uneven_hue
 
 
 def words() -> FloatArray:

@@ -8,7 +8,7 @@ from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.data import photograph
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.pictures.previews import linear_preview
 from tools.scenes.load import load_scene
 

@@ -18,7 +18,7 @@ from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
 
 NOISY = PaperProtocol(0.03)

@@ -15,7 +15,7 @@ from shared.arrays import FloatArray
 from shared.progress import SILENT
 from shared.sensor import simulate_additive
 from tests.benchmarks.aberration import figures
-from tests.benchmarks.lens import photographed
+from tests.benchmarks.harness import photographed
 from tests.reference.aberration import changes
 from tools.camera.lens import lens_aberration, lens_shading
 from tools.scenes.drawn.builtin import builtin_scene

@@ -8,9 +8,9 @@ import pytest
 from numba.core.caching import CacheImpl
 
 from offline import BEST, PRESETS, available_threads, threads, use_threads
+from offline.kernels.arrays import Floats1
 from offline.kernels.compile import ParallelKernel, Pieces
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
-from shared.arrays import FloatArray
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
@@ -167,11 +167,11 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     def nowhere() -> Path:
         raise RuntimeError("no locator available")
 
-    def fresh(_: Pieces, numbers: FloatArray, /) -> None:
+    def fresh(_: Pieces, numbers: Floats1, /) -> None:
         numbers[0] = 2
 
     monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-    kernel = ParallelKernel(fresh, "f4[::1]", len)
+    kernel = ParallelKernel(fresh, len)
     monkeypatch.setattr("offline.kernel_cache", nowhere)
     said: list[str] = []
     with announced_compilation(StageProgress(note=said.append)):

@@ -10,7 +10,7 @@ from offline import BEST, PAPER, RenderSettings, render
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
-from tests.benchmarks.lens import photographed
+from tests.benchmarks.harness import photographed
 from tests.benchmarks.shading import figures, noisy
 from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene

@@ -9,11 +9,10 @@ from tools.pictures.html import cell, data_address, figure, report, row, row_tit
 from tools.pictures.plot import Plot, round_step, ticks
 from tools.pictures.tile_map import tile_picture
 
-from ..figures import Figures as Measured
 from ..page.gallery import WHY_PATTERNS, Exhibit
 from .judge import Figures
 from .proposals import Proposal, front
-from .slow import SLOW, slow_figures, spearman
+from .slow import spearman
 
 _SIZE, _MARGINS = (720, 420), (58, 16, 16, 46)
 _MOST_DOTS, _ROWS = 3000, 12
@@ -30,7 +29,7 @@ def page(
     shown: Sequence[Proposal],
     every: Sequence[Proposal],
     lights: Sequence[str],
-    measured: Measured | None,
+    photographs: int,
     exhibits: Sequence[Exhibit],
     facts: Sequence[str],
     program: str,
@@ -40,7 +39,7 @@ def page(
     shown: the best tiles, the best first, and known ones beside them.
     every: all tiles that were judged, the best first.
     lights: their names.
-    measured: what the slow judge found; None = nothing.
+    photographs: number of those on which the slow judge measured the tiles; 0 = it did not.
     exhibits: crops.
     facts: sentences about the search.
     """
@@ -49,11 +48,11 @@ def page(
         "Tiles": f'<p>Numbers are ranks for the fast judge.</p><div class="tiles">{"".join(map(_card, shown))}</div>',
         "Light, luminance and colour": _front_section(every[:_MOST_DOTS], shown),
         "Fast judge": _fast_table(shown, lights),
-        "Fast and slow judge": _both(shown, lights, measured) if measured else "",
+        "Fast and slow judge": _both(shown, lights, photographs) if photographs else "",
         "Crops": "".join(_crops(each) for each in exhibits if each.crop.why == WHY_PATTERNS),
     }
-    verdict = f"{first.letters} is the best tile {'on these photographs' if measured else 'for the fast judge'}"
-    tone = "good" if measured else "care"
+    verdict = f"{first.letters} is the best tile {'on these photographs' if photographs else 'for the fast judge'}"
+    tone = "good" if photographs else "care"
     return report("Which filter tile?", f"Made by {program}.", verdict, tone, sections, facts=facts, remarks=(), css=_CSS)
 
 
@@ -102,34 +101,31 @@ def _front_section(every: Sequence[Proposal], shown: Sequence[Proposal]) -> str:
 def _fast_table(shown: Sequence[Proposal], lights: Sequence[str]) -> str:
     """The figures of every light."""
     head = ["", "light", *(f"{light}: {name}" for light in lights for name in Figures._fields)]
-    best = np.max([np.concatenate(each.figures) for each in shown], axis=0)
+    figures = np.array([np.concatenate(each.figures) for each in shown])
     rows = []
-    for each in shown:
-        values = zip(np.concatenate(each.figures).tolist(), best, strict=True)
-        cells = [cell(f"{value:.2f}", best=bool(value >= most - 0.005)) for value, most in values]
+    for each, values, best in zip(shown, figures.tolist(), (figures >= figures.max(axis=0) - 0.005).tolist(), strict=True):
+        cells = [cell(f"{value:.2f}", best=mark) for value, mark in zip(values, best, strict=True)]
         rows.append(row([row_title(each.name), cell(f"{each.light:.2f}"), *cells]))
     return "<p>Expected PSNR, dB.</p>" + table(head, rows)
 
 
-def _both(shown: Sequence[Proposal], lights: Sequence[str], measured: Measured) -> str:
+def _both(shown: Sequence[Proposal], lights: Sequence[str], photographs: int) -> str:
     """What both judges say, for each light, and how well they agree."""
-    parts, found = [], np.array([slow_figures(measured, each.tile) for each in shown])
+    said = (
+        f"The fast judge expects what the slow one measures on renders of {photographs} photographs (PSNR; worst: the tenth of the "
+        "patches with the worst colour). Differences between tiles count."
+    )
+    parts = [f"<p>{said}</p>"]
     for place, text in enumerate(lights):
-        slow = found[:, place]
-        fast = np.array([each.figures[place] for each in shown])
-        agreement = [spearman(fast[:, column].tolist(), slow[:, column].tolist()) for column in range(len(SLOW))]
+        fast, slow = [each.figures[place] for each in shown], [each.slow[place] for each in shown]
         rows = [
             row([row_title(each.name), *(cell(f"{one:.2f} | {other:.2f}") for one, other in zip(*pair, strict=True))])
-            for each, pair in zip(shown, zip(fast, slow, strict=True), strict=True)
+            for each, *pair in zip(shown, fast, slow, strict=True)
         ]
+        agreement = (spearman(*columns) for columns in zip(zip(*fast, strict=True), zip(*slow, strict=True), strict=True))
         rows.append(row([row_title("rank correlation"), *(cell(f"{value:.2f}") for value in agreement)]))
         parts.append(f"<h3>{escape(text)}</h3>" + table(("fast | slow, dB", *Figures._fields), rows))
-    scenes = f"{len(measured.study.scenes)} photographs"
-    said = "The fast judge expects what the slow one measures on renders of"
-    return (
-        f"<p>{said} {scenes} (PSNR; worst: the tenth of the patches with the worst colour). Differences between tiles count.</p>"
-        + "".join(parts)
-    )
+    return "".join(parts)
 
 
 def _crops(each: Exhibit) -> str:

@@ -28,6 +28,7 @@ class Proposal:
     light: multiple of what a Bayer sensor collects.
     score: weighted figures, dB, mean over the lights.
     figures: one for each light.
+    slow: what the slow judge measured, likewise; () = nothing.
     """
 
     tile: tuple[str, ...]
@@ -35,6 +36,7 @@ class Proposal:
     light: float
     score: float
     figures: tuple[Figures, ...]
+    slow: tuple[Figures, ...] = ()
 
     @classmethod
     def of(cls, search: Search, judge: FastJudge, tile: tuple[str, ...], name: str = "") -> "Proposal":
@@ -49,7 +51,7 @@ class Proposal:
     @property
     def mean(self) -> Figures:
         """Mean over the lights."""
-        return Figures(*np.mean(self.figures, axis=0).tolist())
+        return _mean(self.figures)
 
 
 def front(proposals: Sequence[Proposal]) -> BoolArray:
@@ -83,33 +85,32 @@ def proposed(search: Search, judge: FastJudge, every: Sequence[Proposal]) -> lis
 def by_measurement(shown: Sequence[Proposal], measured: Measured, weights: Mapping[str, float]) -> list[Proposal]:
     """The proposals by the weighted figures that were measured, the best first, with that as their score."""
     total = np.array([weights.get(name, 0.0) for name in Figures._fields]) / sum(weights.values())
-    return _ordered([replace(each, score=float(np.mean(slow_figures(measured, each.tile) @ total))) for each in shown])
+    found = [replace(each, slow=slow_figures(measured, each.tile)) for each in shown]
+    return _ordered(replace(each, score=float(np.mean(each.slow @ total))) for each in found)
 
 
-def text_table(shown: Sequence[Proposal], measured: Measured | None) -> Iterator[str]:
+def text_table(shown: Sequence[Proposal]) -> Iterator[str]:
     """The proposals as lines for people: means over the lights."""
-    names = [*Figures._fields, *(f"{name}, measured" for name in Figures._fields if measured)]
+    names = [*Figures._fields, *(f"{name}, measured" for name in Figures._fields if shown[0].slow)]
     yield f"{'':5}  {'score':>5}  {'light':>5}  " + "  ".join(names) + "  letters"
     for each in shown:
-        values = [*each.mean, *(np.mean(slow_figures(measured, each.tile), axis=0).tolist() if measured else ())]
+        values = [*each.mean, *(_mean(each.slow) if each.slow else ())]
         cells = "  ".join(f"{value:{len(name)}.2f}" for name, value in zip(names, values, strict=True))
         yield f"{each.name:5}  {each.score:5.2f}  {each.light:5.2f}  {cells}  {each.letters}"
 
 
-def records(shown: Sequence[Proposal], lights: Sequence[str], measured: Measured | None) -> Iterator[dict[str, Any]]:
+def records(shown: Sequence[Proposal], lights: Sequence[str]) -> Iterator[dict[str, Any]]:
     """The proposals for machines, the figures by light: "fast" as expected, "slow" as measured, dB."""
     for each in shown:
-        slow = slow_figures(measured, each.tile) if measured else []
-        fast = {light: figures._asdict() for light, figures in zip(lights, each.figures, strict=True)}
-        found = {light: Figures(*figures)._asdict() for light, figures in zip(lights, slow, strict=False)}
-        yield {
-            "pattern": each.letters,
-            "name": each.name,
-            "light": each.light,
-            "score": each.score,
-            "fast": fast,
-            "slow": found or None,
-        }
+        fast, slow = (
+            {light: figures._asdict() for light, figures in zip(lights, found, strict=False)} for found in (each.figures, each.slow)
+        )
+        facts = {"pattern": each.letters, "name": each.name, "light": each.light, "score": each.score}
+        yield facts | {"fast": fast, "slow": slow or None}
+
+
+def _mean(figures: Sequence[Figures]) -> Figures:
+    return Figures(*np.mean(figures, axis=0).tolist())
 
 
 def _ordered(proposals: Iterable[Proposal]) -> list[Proposal]:

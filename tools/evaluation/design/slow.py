@@ -1,25 +1,22 @@
 """The slow judge: tiles before photographs, rendered by `best` and measured as `panchroma evaluate` does."""
 
 from collections.abc import Sequence
+from math import nan
 from pathlib import Path
 
 import numpy as np
 
-from shared.errors import InputError
 from tools.camera.protocols import Protocol
 
-from ..criteria import CRITERIA
-from ..figures import Figures
+from ..figures import TENTH_CHROMINANCE, WHOLE, WHOLE_CHROMINANCE, WHOLE_LUMINANCE, Figures
 from ..scene_sets import Reading
 from ..study import Study, collect, tasks
 from ..team import Team
 from ..tiles import Tile
+from . import judge as fast
 
 METHOD = "best"
-SLOW = tuple(
-    next(each for each in CRITERIA if each.figure == name)
-    for name in ("psnr_luminance", "psnr_chrominance", "chrominance_q10", "psnr")
-)
+SLOW = (WHOLE_LUMINANCE, WHOLE_CHROMINANCE, TENTH_CHROMINANCE, WHOLE)
 """What evaluate measures of luminance, colour, worst colour and whole images, in the order of the fast judge's figures."""
 
 
@@ -44,14 +41,11 @@ def photographed(
     scenes, _, _ = team.read(sources, folder, reading)
     study = Study(tuple(scenes), (method,), tuple(levels), tuple(tiles), seed, reading)
     team.measure(tasks(study, folder)[0])
-    results = collect(study, folder)
-    if not results:
-        raise InputError("nothing could be measured; the lines above say why")
-    return Figures(study, results)
+    return Figures(study, collect(study, folder))
 
 
-def slow_figures(measured: Figures, letters: Sequence[str]) -> list[tuple[float, ...]]:
-    """What was measured of the tile with these rows under each light, in the order of `SLOW`: dB; NaN where it failed.
+def slow_figures(measured: Figures, letters: Sequence[str]) -> tuple[fast.Figures, ...]:
+    """What was measured of the tile with these rows under each light, dB; NaN where it failed.
 
     Where there are several sets of scenes it is the mean over these.
     """
@@ -59,15 +53,14 @@ def slow_figures(measured: Figures, letters: Sequence[str]) -> list[tuple[float,
     method, found = measured.study.methods[0], []
     for level in measured.study.levels:
         rows = [each for group in measured.sets if (each := group.figure(level, method, tile=tile))]
-        found.append(tuple(float(np.mean([criterion.of(each) for each in rows])) if rows else float("nan") for criterion in SLOW))
-    return found
+        values = (float(np.mean([criterion.of(each) for each in rows])) if rows else nan for criterion in SLOW)
+        found.append(fast.Figures(*values))
+    return tuple(found)
 
 
 def spearman(one: Sequence[float], other: Sequence[float]) -> float:
     """Rank correlation of two lists of figures, -1 to 1; NaN where one does not vary. Equal figures share their mean rank."""
     from scipy.stats import rankdata
 
-    first, second = rankdata(one), rankdata(other)
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return float("nan")
-    return float(np.corrcoef(first, second)[0, 1])
+    with np.errstate(invalid="ignore"):
+        return float(np.corrcoef(rankdata(one), rankdata(other))[0, 1])

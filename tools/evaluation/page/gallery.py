@@ -18,8 +18,7 @@ from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
 from ..cameras import CameraPair
-from ..criteria import RGB
-from ..figures import Figures
+from ..figures import RGB, Figures
 from ..measures import WINDOW, window_origins
 from ..methods import methods
 from ..metrics import BORDER, psnr

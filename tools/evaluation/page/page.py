@@ -9,9 +9,7 @@ from string import Template
 from tools.pictures.html import bullets, cell, css_class, data_address, page, row, row_title, table
 from tools.pictures.tile_map import tile_picture
 
-from ..claims import claims
-from ..criteria import CRITERIA
-from ..figures import Figures, SetFigures
+from ..figures import CRITERIA, Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
 from ..report import (
@@ -33,7 +31,7 @@ from ..scene_sets import CROP
 from ..strokes import MARGIN
 from ..study import Study
 from ..tiles import Tile
-from ..verdict import capital, caveats, heading, headline, losses
+from ..verdict import capital, caveats, claims, heading, headline, losses
 from .gallery import REASONS, WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rendered
 from .plots import noise_plots
 
@@ -269,7 +267,7 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
     ]
     for scene in figures.study.scenes:
         summary, group = f"{scene.name} ({scene.columns} × {scene.rows}, {scene.group})", figures.of(scene)
-        content = _table(scene_table(group, scene)) if group else ""
+        content = _table(scene_table(group, scene.name)) if group else ""
         parts.append(f"<details><summary>{escape(summary)}</summary>{bullets(scene.notes, 'soft')}{content}</details>")
     if failures:
         parts.append(f"<h3>Left out</h3>{bullets(failures)}")

@@ -10,41 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import BORDER, FloatArray
-from tools.camera.bayer import channel_map, check_mosaic
+from shared.arrays import ByteArray, FloatArray
 
 from ..method import Method
+from .network import in_pieces
 
 _LAYERS, _WIDTH = 15, 64
 _MARGIN = 40  # pixels: more than the network sees around each one, and even
 _GAMMA = 2.2  # it has learned from pictures as screens show them
-_ROWS = 256  # of a piece
 
 
 def demosaic_demosaicnet(mosaic: FloatArray) -> FloatArray:
-    """The network's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), both in scene units, 1 = white.
-
-    Raises InputError for a frame of less than 2 x 2.
-    """
-    check_mosaic(mosaic)
+    """The network's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), both in scene units, 1 = white."""
     import torch
 
-    height, width = mosaic.shape
-    # The network's quads begin with green: one column before ours.
-    pads = (_MARGIN, _MARGIN + height % 2), (_MARGIN + 1, _MARGIN + (width + 1) % 2)
-    codes = np.sign(mosaic) * np.abs(mosaic) ** np.float32(1 / _GAMMA)
-    wide = np.pad(codes, pads, mode=BORDER)
-    filters = channel_map((wide.shape[0], wide.shape[1] + 1))[:, 1:]
-    planes = (wide * (filters == np.arange(3)[:, None, None])).astype(np.float32)
-    picture = np.empty((3, *(size - 2 * _MARGIN for size in wide.shape)), np.float32)
-    for top in range(0, picture.shape[1], _ROWS):
-        end = min(top + _ROWS, picture.shape[1])
+    def run(codes: FloatArray, filters: ByteArray) -> FloatArray:
+        planes = (codes * (filters == np.arange(3)[:, None, None])).astype(np.float32)
         with torch.no_grad():
-            found = _network(torch.from_numpy(planes[None, :, top : end + 2 * _MARGIN]))[0].numpy()
-        edge = (end - top + 2 * _MARGIN - found.shape[1]) // 2  # what the convolutions have eaten
-        inside = slice(_MARGIN - edge, _MARGIN - edge + end - top)
-        picture[:, top:end] = found[:, inside, _MARGIN - edge : _MARGIN - edge + picture.shape[2]]
-    picture = picture[:, :height, 1 : 1 + width].transpose(1, 2, 0)
+            found: FloatArray = _network(torch.from_numpy(planes[None]))[0].numpy()
+        return found
+
+    codes = np.sign(mosaic) * np.abs(mosaic) ** np.float32(1 / _GAMMA)
+    picture = in_pieces((codes,), "GRBG", _MARGIN, run).astype(np.float32)
     return np.ascontiguousarray(np.sign(picture) * np.abs(picture) ** np.float32(_GAMMA))
 
 
@@ -78,14 +65,5 @@ def _weights() -> dict[str, Any]:
     return dict(torch.load(str(path), map_location="cpu", weights_only=True))
 
 
-METHODS = (
-    Method(
-        "demosaicnet",
-        "Bayer, Gharbi 2016, balanced",
-        demosaic_demosaicnet,
-        balanced=True,
-        packages=("demosaicnet", "torch"),
-        extra="learned-rivals",
-        seconds=8,
-    ),
-)
+_TITLE, _PACKAGES = "Bayer, Gharbi 2016, balanced", ("demosaicnet", "torch")
+METHODS = (Method("demosaicnet", _TITLE, demosaic_demosaicnet, balanced=True, packages=_PACKAGES, seconds=8),)

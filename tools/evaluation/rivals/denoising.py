@@ -9,14 +9,14 @@ from itertools import product
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.camera.bayer import check_mosaic
 from tools.camera.protocols.protocol import BayerShot
 
 from ..cameras import with_balance
 from ..method import Method
-from .colour_demosaicing import MENON
 from .dlmmse import DLMMSE, demosaic_dlmmse
+from .interpolation import MENON
 
+_PACKAGES = ("bm3d",)
 LEAST = 8  # pixels of a plane each way: BM3D's block
 _SPREAD = 1.5  # the best of 1, 1.25, 1.5 and 2 after DLMMSE: Jin, Facciolo and Morel, "A review of an old dilemma", 2020
 
@@ -31,7 +31,6 @@ def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
     mosaic: (H, W), scene units.
     shot, read: the noise, variance = shot * signal + read**2, scene units.
     """
-    check_mosaic(mosaic)
     denoised = mosaic.copy()
     if min(mosaic.shape) < 2 * LEAST or (shot == 0 and read == 0):
         return denoised
@@ -80,27 +79,16 @@ def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArra
 
 SECONDS = 40
 """Rough duration per megapixel, once for all methods that begin with it."""
+
+
+def _denoised(method: Method) -> Method:
+    name, title = f"bm3d+{method.name}", method.title.replace("Bayer, ", "Bayer, BM3D + ")
+    packages, seconds = (*method.packages, *_PACKAGES), method.seconds + SECONDS
+    return replace(method, name=name, title=title, denoise=denoise_bayer, packages=packages, seconds=seconds)
+
+
+_CBM3D = "Bayer, DLMMSE + CBM3D, balanced"
 METHODS = (
-    *(
-        replace(
-            each,
-            name=f"bm3d+{each.name}",
-            title=each.title.replace("Bayer, ", "Bayer, BM3D + "),
-            denoise=denoise_bayer,
-            packages=(*each.packages, "bm3d"),
-            extra="rivals",
-            seconds=each.seconds + SECONDS,
-        )
-        for each in (MENON, MENON.with_balance(), DLMMSE, DLMMSE.with_balance())
-    ),
-    Method(
-        "dlmmse+cbm3d",
-        "Bayer, DLMMSE + CBM3D, balanced",
-        demosaic_first,
-        balanced=True,
-        whole_shot=True,
-        packages=("bm3d",),
-        extra="rivals",
-        seconds=60,
-    ),
+    *map(_denoised, (MENON, MENON.with_balance(), DLMMSE, DLMMSE.with_balance())),
+    Method("dlmmse+cbm3d", _CBM3D, demosaic_first, balanced=True, whole_shot=True, packages=_PACKAGES, seconds=60),
 )

@@ -8,7 +8,7 @@ it. Each is denoised, the two are averaged by their expected errors, and red and
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.camera.bayer import channel_map, check_mosaic
+from tools.camera.bayer import channel_map
 
 from ..method import Method
 
@@ -18,17 +18,15 @@ _INTERPOLATION = np.array([-1, 2, 2, 2, -1]) / 4
 # The low-pass that separates signal from noise: close to a Gaussian of 2 pixels.
 _LOW_PASS = np.array([4, 9, 15, 23, 26, 23, 15, 9, 4]) / 128
 _WINDOW = 9  # pixels along the line, for the local moments
+# Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
+_MEAN = np.full(_WINDOW, 1 / _WINDOW)
 _FLOOR = 0.1 / 255**2  # added to variances: keeps flat patches defined, and is far below a step of 8 bits
 _DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 _AXIAL = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
 
 
 def demosaic_dlmmse(mosaic: FloatArray) -> FloatArray:
-    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept.
-
-    Raises InputError when the mosaic has fewer than two rows or columns.
-    """
-    check_mosaic(mosaic)
+    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept."""
     from scipy.ndimage import correlate
 
     samples = mosaic.astype(np.float64)
@@ -55,23 +53,18 @@ def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: in
     """Green minus the other colour of the line at every pixel, and its expected squared error."""
     from scipy.ndimage import correlate1d
 
-    interpolated = correlate1d(samples, _INTERPOLATION, axis, mode="mirror")
+    def filtered(values: DoubleArray, weights: DoubleArray) -> DoubleArray:
+        return correlate1d(values, weights, axis, mode="mirror")
+
+    interpolated = filtered(samples, _INTERPOLATION)
     reading = np.where(green_site, samples - interpolated, interpolated - samples)
-    smooth = correlate1d(reading, _LOW_PASS, axis, mode="mirror")
-    mean = _moving_mean(smooth, axis)
+    smooth = filtered(reading, _LOW_PASS)
     # Unbiased variance of the smooth signal, and power of what the low-pass removed as noise.
-    signal = np.maximum(_moving_mean(smooth**2, axis) - mean**2, 0) * _WINDOW / (_WINDOW - 1)
-    noise = _moving_mean((smooth - reading) ** 2, axis) + _FLOOR
+    signal = np.maximum(filtered(smooth**2, _MEAN) - filtered(smooth, _MEAN) ** 2, 0) * _WINDOW / (_WINDOW - 1)
+    noise = filtered((smooth - reading) ** 2, _MEAN) + _FLOOR
     gain = signal / (signal + noise)
     # The smooth signal takes the place of the local mean, as in the authors' program; the paper's text has the moving mean.
     return smooth + gain * (reading - smooth), signal * (1 - gain) + _FLOOR
-
-
-def _moving_mean(values: DoubleArray, axis: int) -> DoubleArray:
-    from scipy.ndimage import correlate1d
-
-    # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
-    return correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
 
 
 DLMMSE = Method("dlmmse", "Bayer, DLMMSE 2005", demosaic_dlmmse, seconds=0.15)

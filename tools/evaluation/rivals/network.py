@@ -6,6 +6,7 @@ filters, their packing, their code for light, white balance and the noise. None 
 
 import hashlib
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -13,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray
+from shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.reading import read_text, read_whole
-from tools.camera.bayer import channel_map, check_mosaic
+from tools.camera.bayer import channel_map
 from tools.camera.protocols.protocol import BayerShot
 
 from ..method import Method
@@ -117,31 +118,47 @@ def _demosaicked(path: str, contract: Contract, shot: BayerShot, white: FloatArr
     """The network's picture, float32 (H, W, 3), scene units. white: what white reads, (3,). Raises InputError, naming the file."""
     from scipy.ndimage import gaussian_filter
 
-    check_mosaic(shot.samples)
-    (height, width), (down, right), margin = shot.samples.shape, _ORDERS[contract.order], contract.margin
     gain = white[channel_map(shot.samples.shape)]
     level = gaussian_filter(shot.samples.astype(np.float64), _AROUND, mode="mirror")
     deviation = np.sqrt(shot.shot * level.clip(0) + shot.read**2) / gain
     codes = contract.encode(shot.samples / gain.astype(np.float64))
     noise = gaussian_filter(deviation * contract.steepness(level / float(white.mean())), _AROUND)
+
+    def run(codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
+        return _run(path, {name: _packed(each, codes, noise, filters) for name, each in contract.inputs.items()})
+
+    try:
+        picture = in_pieces((codes, noise), contract.order, contract.margin, run)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
+
+
+def in_pieces(planes: Sequence[FloatArray | DoubleArray], order: str, margin: int, run: Callable[..., FloatArray]) -> DoubleArray:
+    """What a network makes of a Bayer mosaic and of what is known of it, some rows at a time: (H, W, 3).
+
+    planes: (H, W) each; they are mirrored beyond the frame.
+    order: filters of the network's first 2 x 2 pixels.
+    margin: pixels at each side that the network sees and may leave out.
+    run: the network: from rows of the planes, float32 (h, w), and the channels of their filters, to (3, h, w) or less.
+    Raises InputError where the network leaves out more than the margin, or adds to it.
+    """
+    (height, width), (down, right) = planes[0].shape, _ORDERS[order]
     pads = (margin + down, margin + (height + down) % 2), (margin + right, margin + (width + right) % 2)
-    wide, spread = (np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise))
-    filters = channel_map((wide.shape[0] + down, wide.shape[1] + right))[down:, right:]
-    picture = np.empty((3, wide.shape[0] - 2 * margin, wide.shape[1] - 2 * margin))
+    wide: list[Any] = [np.pad(each, pads, mode=BORDER).astype(np.float32) for each in planes]
+    wide.append(channel_map((wide[0].shape[0] + down, wide[0].shape[1] + right))[down:, right:])
+    picture = np.empty((3, *(size - 2 * margin for size in wide[0].shape)))
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
-        rows = slice(top, end + 2 * margin)
-        inputs = {name: _packed(each, wide[rows], spread[rows], filters[rows]) for name, each in contract.inputs.items()}
-        found = _run(path, inputs)
-        edge = (end - top + 2 * margin - found.shape[1]) // 2  # what the convolutions have eaten
-        if edge < 0 or edge > margin:
-            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
-        picture[:, top:end] = found[:, margin - edge : margin - edge + end - top, margin - edge : margin - edge + picture.shape[2]]
-    light = contract.decode(picture[:, down : down + height, right : right + width])
-    return np.ascontiguousarray(light.transpose(1, 2, 0) * white, np.float32)
+        found = run(*(each[top : end + 2 * margin] for each in wide))
+        edge = margin - (end - top + 2 * margin - found.shape[1]) // 2  # of the margin, what the convolutions have left
+        if not 0 <= edge <= margin:
+            raise InputError(f"gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
+        picture[:, top:end] = found[:, edge : edge + end - top, edge : edge + picture.shape[2]]
+    return picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
 
 
-def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: Any) -> FloatArray:
+def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
     """One input of the network, (1, planes, h, w)."""
     planes = [codes]
     if form["form"] == "quads":
@@ -156,20 +173,16 @@ def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters:
 
 
 def _run(path: str, inputs: dict[str, FloatArray]) -> FloatArray:
+    network_ = _session(path)
     try:
-        (found,) = _session(path).run(None, inputs)
+        (found,) = network_.run(None, inputs)
         return np.asarray(found[0], np.float32).reshape(3, *found.shape[-2:])
-    except InputError:
-        raise
     except Exception as error:  # onnxruntime's errors have no common base
-        raise InputError(f"{path}: does not take what its JSON file says ({error})") from error
+        raise InputError(f"does not take what its JSON file says ({error})") from error
 
 
 @cache
 def _session(path: str) -> Any:
     from shared.runtime import session
 
-    try:
-        return session(Path(path))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return session(Path(path))

@@ -3,10 +3,17 @@
 A plane's sites are triangulated (Delaunay), and its values are linear on each triangle. Where a pattern leaves several equally good
 triangulations, as a square lattice does, their mean is taken: on a square lattice that is bilinear interpolation but for 0.01 dB.
 Over the pictures of four scenes and six tiles this was better than normalised convolution with tents of any width.
+
+`denoised_planes` denoises them before, as `denoise_bayer` does for Bayer shots. BM3D needs samples on a regular grid. Where the
+sites of a channel make up one (Honda's green does), it gets them together, otherwise those of each site of the tile by themselves.
+Filling a finer grid by interpolation first, and pushing the sites of all rows together, lost up to 2 dB on four tiles.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from itertools import product
+from math import gcd
 
 import numpy as np
 
@@ -15,6 +22,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.errors import InputError
 
 from ..method import Method
+from .denoising import LEAST, denoise_plane
 
 _SLANT = 1e-4  # how far the lattice is slanted and stretched each way, so that each way another triangulation is the only one
 _AROUND = 3  # tiles around one that hold all sites of its triangles
@@ -102,7 +110,34 @@ def _inside(places: IndexArray, size: int, period: int) -> IndexArray:
     return np.where(places < 0, places % period, places - above * ((places - size) // period + 1) * period)
 
 
+def denoised_planes(mosaic: Mosaic) -> FloatArray:
+    """`planes` of a shot whose colour samples BM3D has denoised; float32 (H, W, C), scene units.
+
+    BM3D gets the true noise, from the shot's calibration. Planes smaller than 8 x 8, and shots without noise or with unknown noise,
+    are not denoised.
+    Raises InputError as `planes` does.
+    """
+    noise, samples = mosaic.calibration.noise, mosaic.signal.copy()
+    for channel, rows, columns in _grids(mosaic.pattern):
+        plane = samples[rows, columns]
+        if noise is not None and min(plane.shape) >= LEAST and (noise.shot[channel] or noise.read[channel]):
+            samples[rows, columns] = denoise_plane(plane, noise.shot[channel], noise.read[channel])
+    return planes(replace(mosaic, samples=samples))
+
+
+def _grids(pattern: CfaPattern) -> Iterator[tuple[int, slice, slice]]:
+    """(channel, rows, columns) of the regular grids that colour samples lie on: one for a channel if that is possible."""
+    for channel in range(len(pattern.channels)):
+        sites = [(rows, columns) for each, rows, columns in pattern.lattices if each == channel]
+        starts = [(rows.start, columns.start) for rows, columns in sites]
+        down, across = (gcd(pattern.period, *(start[axis] - starts[0][axis] for start in starts)) for axis in (0, 1))
+        if len(sites) * down * across == pattern.period**2:
+            sites = [(slice(starts[0][0] % down, None, down), slice(starts[0][1] % across, None, across))]
+        yield from ((channel, rows, columns) for rows, columns in sites)
+
+
 METHODS = (
     Method("planes", "Interpolated planes", planes, sparse=True, seconds=0.1),
     Method("planes+w", "Interpolated planes + W", sharpened_planes, sparse=True, seconds=0.1),
+    Method("bm3d+planes", "BM3D + interpolated planes", denoised_planes, sparse=True, packages=("bm3d",), seconds=15),
 )

@@ -3,7 +3,7 @@ import pytest
 
 from shared.arrays import DoubleArray, FloatArray
 from tools.camera.bayer import ORDER, sample_bayer
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 
 
 def literal(mosaic: FloatArray) -> DoubleArray:

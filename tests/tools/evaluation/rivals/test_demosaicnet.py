@@ -6,8 +6,8 @@ import pytest
 from shared.arrays import FloatArray
 from tools.camera.bayer import sample_bayer
 from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.rivals.demosaicnet import METHODS, demosaic_demosaicnet
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
 
 pytestmark = pytest.mark.skipif(

@@ -12,7 +12,7 @@ from shared.errors import InputError
 from tools.camera.bayer import sample_bayer
 from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import choose, methods
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)

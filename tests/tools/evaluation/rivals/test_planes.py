@@ -9,10 +9,9 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
-from tools.evaluation.rivals import plane_denoising
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.evaluation.rivals.plane_denoising import denoised_planes
-from tools.evaluation.rivals.planes import planes, sharpened_planes
+from tools.evaluation.rivals import planes as module
+from tools.evaluation.rivals.interpolation import demosaic_bilinear
+from tools.evaluation.rivals.planes import denoised_planes, planes, sharpened_planes
 
 PATTERNS = {
     "K=6": CfaPattern.bayer(6),
@@ -102,7 +101,7 @@ def test_samples_on_one_grid_are_denoised_together(letters: str, grids: list[Any
         seen.append(plane.shape)
         return plane * np.float32(0.5)
 
-    monkeypatch.setattr(plane_denoising, "denoise_plane", darken)
+    monkeypatch.setattr(module, "denoise_plane", darken)
     mosaic = shot(ramp(48, 48, 3), pattern, 0.1)
     np.testing.assert_allclose(denoised_planes(mosaic), planes(mosaic) / 2, atol=1e-6)
     assert sorted(seen) == grids

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 import rawpy
 
+from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import ORDER, sample_bayer
+from tools.camera.protocols import PaperProtocol
 from tools.camera.protocols.protocol import BayerShot
+from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals import denoising
 from tools.evaluation.rivals.denoising import denoise_bayer
-from tools.evaluation.rivals.integers import Levels
-from tools.evaluation.rivals.libraw import ALGORITHMS, demosaic_libraw, encode_bayer_dng
+from tools.evaluation.rivals.integers import LIBRAW, Levels, encode_bayer_dng
 
 # colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")
@@ -24,7 +26,7 @@ RIVALS = [
     name
     for name, method in methods().items()
     if not method.sparse and method.missing is None and not (method.denoise or method.balanced)
-] + list(ALGORITHMS)
+] + list(LIBRAW)
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
 EDGE = 8  # pixels: rivals do as they like there
 
@@ -47,10 +49,10 @@ def test_colours_land_in_their_channels(name: str) -> None:
     assert psnr(picture, rgb, EDGE) > 38
 
 
-@pytest.mark.parametrize("name", RIVALS)
-def test_a_line_is_no_mosaic(name: str) -> None:
+def test_a_line_is_no_mosaic() -> None:
+    cameras = CameraPair(PaperProtocol(0.0), 0, np.zeros((1, 8, 3), np.float32), CfaPattern.bayer(6), None)
     with pytest.raises(InputError, match="2 rows"):
-        demosaic(name, np.zeros((1, 8), np.float32))
+        methods()["bilinear"].render(cameras)
 
 
 @pytest.mark.parametrize("name", RIVALS)
@@ -88,13 +90,6 @@ def test_libraw_reads_the_dng_as_it_was_written() -> None:
         letters = [raw.color_desc.decode()[index] for index in raw.raw_pattern.ravel().tolist()]
         assert letters == list(ORDER)
         assert raw.white_level == 65535
-
-
-def test_libraw_refuses_what_it_cannot_do() -> None:
-    with pytest.raises(InputError, match="22 pixels"):
-        demosaic_libraw(np.zeros((20, 40), np.float32), "ahd")
-    with pytest.raises(InputError, match="vng"):
-        demosaic_libraw(np.zeros((40, 40), np.float32), "vng")
 
 
 def test_denoising_lowers_noise_and_keeps_the_light() -> None:
