@@ -20,7 +20,7 @@ from tests.data import ROOT, photograph
 from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.shared.dng.examples import preview
 from tests.tools.command import PROGRAM, run
-from tests.tools.scenes.test_camera_raw import LINEAR_RAW, write_dng
+from tests.tools.scenes.files import LINEAR_RAW, write_dng
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))

@@ -1,5 +1,6 @@
 """Scenes in files of every format."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,11 @@ import numpy as np
 import OpenEXR
 import tifffile
 from PIL import Image
+
+LINEAR_RAW, CFA = 34892, 32803
+ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 2, 3, 4, 5, 10
+Fields = dict[int, tuple[int, Any]]
+"""Tag -> (TIFF type, values; numerator and denominator in turn where they are rational)."""
 
 
 def save(path: Path, light: Any, channels: str = "RGB") -> Path:
@@ -32,3 +38,50 @@ def save(path: Path, light: Any, channels: str = "RGB") -> Path:
         case _:
             Image.fromarray(light).save(path, lossless=True)
     return path
+
+
+def rationals(values: Any) -> tuple[int, ...]:
+    """Numerators and denominators in turn."""
+    return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
+
+
+def write_dng(
+    path: Path,
+    samples: Any,
+    order: str = "RGGB",
+    kind: int = CFA,
+    fields: Fields | None = None,
+    *,
+    above: Fields | None = None,
+    **options: Any,
+) -> str:
+    """A DNG with these samples; order: of its filters; fields: of their directory; options: of tifffile.
+
+    above: fields of a first directory, which has a preview; None = that of the samples is the first.
+    """
+    tags: list[Any] = _tags(fields or {})
+    if kind == CFA:
+        side = round(len(order) ** 0.5)
+        filters = bytes("RGB".index(letter) for letter in order)
+        tags += [(33421, "H", 2, (side, side), True), (33422, "B", len(order), filters, True)]
+    first = [(50706, "B", 4, bytes((1, 4, 0, 0)), True), (50708, "s", 0, "Test camera", True)]
+    single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
+    with tifffile.TiffWriter(path, byteorder="<") as file:
+        if above is None:
+            tags += first
+        else:
+            preview, described = np.zeros((8, 8, 3), np.uint8), first + _tags(above)
+            file.write(preview, photometric="rgb", subfiletype=1, subifds=1, extratags=described, metadata=None)
+        file.write(samples, photometric="minisblack" if single else kind, extratags=tags, metadata=None, **options)
+    if single:
+        entry = struct.pack("<HHI", 262, SHORT, 1)
+        path.write_bytes(path.read_bytes().replace(entry + struct.pack("<I", 1), entry + struct.pack("<I", LINEAR_RAW)))
+    return str(path)
+
+
+def _tags(fields: Fields) -> list[Any]:
+    tags = []
+    for tag, (kind, values) in fields.items():
+        count = 0 if isinstance(values, str) else len(values) // (2 if kind in (RATIONAL, SRATIONAL) else 1)
+        tags.append((tag, kind, count, values if isinstance(values, str) else tuple(values), True))
+    return tags

@@ -1,6 +1,5 @@
 """Camera RAWs: the step from quads to pixels, levels, colours, and sensors that have no quads."""
 
-import struct
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -19,38 +18,13 @@ from shared.lights import ILLUMINANTS
 from shared.pattern import BAYER_ORDERS
 from shared.white_balance import shades_of_grey
 from tests.python import run_python
+from tests.tools.scenes.files import LONG, RATIONAL, SHORT, SRATIONAL, rationals, write_dng
 from tools.scenes.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
-LINEAR_RAW, CFA = 34892, 32803
-SHORT, LONG, RATIONAL, SRATIONAL = 3, 4, 5, 10
 # XYZ -> camera for D65, as a real camera's: Nikon D50 in the tables of dcraw.
 MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]) / 10000
-
-
-def rationals(values: Any) -> tuple[int, ...]:
-    return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
-
-
-def write_dng(
-    path: Path, samples: CodeArray, order: str = "RGGB", kind: int = CFA, fields: dict[int, tuple[int, Any]] | None = None
-) -> str:
-    """A DNG with these samples; fields: tag -> (TIFF type, values; numerator and denominator in turn where they are rational)."""
-    tags: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True), (50708, "s", 0, "Test camera", True)]
-    if kind == CFA:
-        side = round(len(order) ** 0.5)
-        filters = bytes("RGB".index(letter) for letter in order)
-        tags += [(33421, "H", 2, (side, side), True), (33422, "B", len(order), filters, True)]
-    for tag, (field_type, values) in (fields or {}).items():
-        count = 0 if isinstance(values, str) else len(values) // (2 if field_type in (RATIONAL, SRATIONAL) else 1)
-        tags.append((tag, field_type, count, values if isinstance(values, str) else tuple(values), True))
-    single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
-    tifffile.imwrite(path, samples, photometric="minisblack" if single else kind, extratags=tags, metadata=None, byteorder="<")
-    if single:
-        entry = struct.pack("<HHI", 262, SHORT, 1)
-        path.write_bytes(path.read_bytes().replace(entry + struct.pack("<I", 1), entry + struct.pack("<I", LINEAR_RAW)))
-    return str(path)
 
 
 def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
@@ -172,26 +146,6 @@ def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_hold
     assert raw_directories(tmp_path / "other.raf").main[271].values == b"First\0"
 
 
-X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
-
-
-@pytest.mark.parametrize(
-    ("samples", "order", "kind", "reason"),
-    [
-        (noise(60, 80, 4), "", LINEAR_RAW, "several samples per pixel"),
-        (noise(60, 80), "", LINEAR_RAW, "monochrome"),
-        (noise(60, 84), X_TRANS, CFA, "X-Trans"),
-        (noise(60, 80), "RGGG", CFA, "nor a camera RAW that LibRaw knows"),
-    ],
-    ids=["four samples", "monochrome", "x-trans", "no blue"],
-)
-def test_sensors_without_quads_are_refused_with_the_reason(
-    tmp_path: Path, samples: CodeArray, order: str, kind: int, reason: str
-) -> None:
-    with pytest.raises(InputError, match=reason):
-        loaded(tmp_path, samples, order, kind)
-
-
 @pytest.mark.parametrize(
     ("letters", "pattern", "reason"),
     [
@@ -209,12 +163,6 @@ def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason:
     )
     with pytest.raises(InputError, match=reason):
         bayer_pattern(raw, rawpy)
-
-
-def test_levels_that_make_no_sense_are_refused(tmp_path: Path) -> None:
-    fields = {50714: (SHORT, [3000]), 50717: (SHORT, [2000])}
-    with pytest.raises(InputError, match="black level"):
-        loaded(tmp_path, noise(60, 80), fields=fields)
 
 
 @pytest.mark.parametrize("illuminant", [D65_XY, (0.4476, 0.4074)])

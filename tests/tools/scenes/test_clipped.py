@@ -8,7 +8,7 @@ import pytest
 from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
 from shared.display import ColourTransform
-from tests.tools.scenes.test_camera_raw import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
+from tests.tools.scenes.files import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
 from tools.camera.protocols import SensorProtocol
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.clipped import saturation, with_white_highlights
@@ -93,6 +93,7 @@ def test_a_saturated_colour_that_clips_in_one_channel_keeps_its_colour() -> None
 def test_saturation_is_the_code_that_many_samples_have() -> None:
     rng = np.random.default_rng(0)
     codes = rng.integers(0, 3000, 100_000).astype(np.uint16)
+    many = np.arange(3500, 3900, dtype=np.uint16).repeat(200)
     assert saturation(codes, TOP) == TOP
     assert saturation(np.concatenate([codes, np.full(500, 3700, np.uint16), np.array([4000], np.uint16)]), TOP) == 3700
-    assert saturation(np.concatenate([codes, rng.integers(3500, 3900, 5000).astype(np.uint16)]), TOP) == TOP
+    assert saturation(np.concatenate([codes, many, np.full(60, many[-1])]), TOP) == TOP

@@ -153,12 +153,12 @@ def test_curves_of_profiles() -> None:
     np.testing.assert_allclose(found.curves[1](x), srgb(x), atol=1e-4)
     np.testing.assert_allclose(found.to_xyz, SRGB_TO_XYZ, atol=1e-4)
     np.testing.assert_allclose(decode_srgb(x), srgb(x), atol=1e-15)
-    s15 = [round(value * 65536) for value in (2.0, 0.9, 0.1, 0.05)]
+    s15 = [round(value * 65536) for value in (2.0, 0.9, -0.1, 0.05)]
     table = struct.pack(">4s4xI5H", b"curv", 5, 0, 1000, 10000, 30000, 65535)
     for curve, expected in (
         (struct.pack(">4s4xHxx1i", b"para", 0, *s15[:1]), x**2),
-        (struct.pack(">4s4xHxx3i", b"para", 1, *s15[:3]), (0.9 * x + 0.1) ** 2),
-        (struct.pack(">4s4xHxx4i", b"para", 2, *s15), (0.9 * x + 0.1) ** 2 + 0.05),
+        (struct.pack(">4s4xHxx3i", b"para", 1, *s15[:3]), (0.9 * x - 0.1).clip(0) ** 2),
+        (struct.pack(">4s4xHxx4i", b"para", 2, *s15), (0.9 * x - 0.1).clip(0) ** 2 + 0.05),
         (table, np.interp(x, np.linspace(0, 1, 5), np.array([0, 1000, 10000, 30000, 65535]) / 65535)),
     ):
         parsed = read_profile(profile(curve))
@@ -187,36 +187,15 @@ def test_png_gamma_is_believed(tmp_path: Path, gamma: int, expected: float | str
     np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, value, atol=1e-6)
 
 
-def test_exr_chromaticities_and_kinds(tmp_path: Path) -> None:
+@pytest.mark.parametrize("channel", ["Y", "RGBA"])
+def test_exr_chromaticities_and_kinds(tmp_path: Path, channel: str) -> None:
     grey = np.random.default_rng(0).random((5, 7)).astype(np.float32)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)}
-    for channels, good in (({"Y": grey}, True), ({"RGBA": np.dstack([grey] * 4)}, True), ({"Z": grey}, False)):
-        with OpenEXR.File(header, channels) as file:
-            file.write(str(tmp_path / "a.exr"))
-        if good:
-            scene = load_scene(str(tmp_path / "a.exr"))
-            np.testing.assert_array_equal(scene.rgb, grey[..., None].repeat(3, axis=2))
-            np.testing.assert_allclose(scene.camera_to_xyz, SRGB_TO_XYZ, atol=1e-6)
-        else:
-            with pytest.raises(InputError, match="the channels Z"):
-                load_scene(str(tmp_path / "a.exr"))
-
-
-@pytest.mark.parametrize(
-    "array",
-    [np.zeros((4, 4, 5)), np.zeros(7), np.zeros((4, 4, 3), "i2"), np.zeros((4, 4, 3), "c8"), np.array([[{}]]), np.zeros((0, 4, 3))],
-    ids=["channels", "line", "signed", "complex", "objects", "empty"],
-)
-def test_arrays_that_are_no_pictures_are_refused(tmp_path: Path, array: np.ndarray[Any, Any]) -> None:
-    np.save(tmp_path / "a.npy", array)
-    with pytest.raises(InputError):
-        load_scene(str(tmp_path / "a.npy"))
-
-
-def test_cmyk_is_refused(tmp_path: Path) -> None:
-    Image.new("CMYK", (20, 20)).save(tmp_path / "a.jpg")
-    with pytest.raises(InputError, match="CMYK"):
-        load_scene(str(tmp_path / "a.jpg"))
+    with OpenEXR.File(header, {channel: grey if channel == "Y" else np.dstack([grey] * 4)}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    scene = load_scene(str(tmp_path / "a.exr"))
+    np.testing.assert_array_equal(scene.rgb, grey[..., None].repeat(3, axis=2))
+    np.testing.assert_allclose(scene.camera_to_xyz, SRGB_TO_XYZ, atol=1e-6)
 
 
 def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
