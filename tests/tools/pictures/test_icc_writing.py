@@ -1,6 +1,7 @@
 """ICC profiles that we write: other programs read them as we mean them."""
 
 import io
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,9 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
 @pytest.mark.parametrize("name", SPACES)
 def test_exiftool_finds_the_profile_valid(name: str, tmp_path: Path) -> None:
     path = tmp_path / "profile.icc"
-    path.write_bytes(icc_profile(name))
+    path.write_bytes(profile := icc_profile(name))
+    (count,) = struct.unpack_from(">I", profile, 128)
+    assert all(place % 4 == 0 for _, place, _ in struct.iter_unpack(">4sII", profile[132 : 132 + 12 * count]))
     report = exiftool("-validate", "-warning", "-a", "-ProfileDescription", path).decode()
     assert "OK" in report
     assert "Warning" not in report

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from PIL.JpegImagePlugin import JpegImageFile
 
 from shared import SensorCalibration
 from shared.arrays import FloatArray
@@ -58,19 +57,6 @@ def test_the_picture_is_that_of_a_jpeg_with_segments_more(shape: tuple[int, int]
     image = Image.open(io.BytesIO(ultra))
     assert image.format == "JPEG"
     assert np.array_equal(np.asarray(image), np.asarray(Image.open(io.BytesIO(plain))))
-
-
-def test_the_directory_names_where_the_map_begins_and_how_long_it_is() -> None:
-    data = encoded(highlights(), PictureKind.of("uhdr")).getvalue()
-    directory = data.index(b"MPF\0") + 4  # places count from here (CIPA DC-007)
-    assert data[directory : directory + 4] == b"MM\0*"
-    image = Image.open(io.BytesIO(data))
-    assert isinstance(image, JpegImageFile)
-    entries = image._getmp()
-    _, second = entries[0xB002]
-    start = directory + second["DataOffset"]
-    assert data[start : start + 3] == b"\xff\xd8\xff"
-    assert start + second["Size"] == len(data)
 
 
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])

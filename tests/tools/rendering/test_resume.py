@@ -64,10 +64,11 @@ def test_what_killed_processes_left_is_swept_in_folders_below_too(shots: Path, o
 
 def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
     render(shots, out)
-    (shots / "a.dng").unlink()
-    save_shot(shots / "a.dng", seed=9)
-    os.utime(shots / "b.dng")
-    assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
+    for seed in (8, 9):
+        (shots / "a.dng").unlink()
+        save_shot(shots / "a.dng", seed)
+        os.utime(shots / "b.dng")
+        assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
     assert results(out) == {"a.tif", "b.tif", "sub"}  # the old a.tif was ours to the byte: no copy of it
 
 

@@ -1,18 +1,24 @@
+"""Drawn scenes: any size, repeatable, with the colours, charts and metamers that they say."""
+
 from typing import Any
 
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from shared.colorimetry import D50, SRGB_TO_XYZ
 from shared.errors import InputError
-from tools.scenes.drawn.builtin import CHARTS, GAP, HEIGHT, builtin_scene
+from tools.camera.filters import Filters, filters_for
+from tools.scenes.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT, builtin_scene
 from tools.scenes.drawn.charts import COOL, WARM
 from tools.scenes.drawn.color_checker import BRIGHTEST, COLOR_CHECKER_LAB, DARKEST, color_checker
-from tools.scenes.drawn.spectral import BANDS, spectral_scene
+from tools.scenes.drawn.spectral import BANDS, PATCHES, light, metamers, spectral_scene
+from tools.scenes.drawn.spectral import CHARTS as SPECTRAL_CHARTS
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
 BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
+ROUNDING = 2e-6  # of sums of float32
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +97,58 @@ def test_no_other_patch_is_changed() -> None:
 def test_bad_sizes_are_refused(source: str) -> None:
     with pytest.raises(InputError, match=r"builtin:1200x800|empty|raises it"):
         load_scene(source)
+
+
+@pytest.fixture(scope="module")
+def spectral() -> Scene:
+    return spectral_scene(600, 400)
+
+
+def filters(block: tuple[str, ...], spectral: Scene) -> Filters:
+    return filters_for(CfaPattern.with_block(block, period=6), spectral)
+
+
+@pytest.mark.parametrize(("block", "gamma"), [(("RG", "GB"), 1.0), (("CM", "YC"), 0.5), (("HIJ", "KWL", "NOP"), 1.0)])
+def test_filters_share_out_all_light(block: tuple[str, ...], gamma: float, spectral: Scene) -> None:
+    """Eq. 7 holds exactly: what the filters read adds up to what a panchromatic pixel reads."""
+    made = filters(block, spectral)
+    assert made.gamma == pytest.approx([gamma] * len(made.channels), abs=1e-12)
+    panchromatic = made.of(spectral.rgb) @ np.array(made.gamma)
+    assert panchromatic == pytest.approx(spectral.rgb.sum(axis=2) * sum(made.gamma) / len(BANDS), abs=ROUNDING)
+
+
+def test_metamers_differ_in_bands_alone(spectral: Scene) -> None:
+    for block in (("RG", "GB"), ("CM", "YC")):
+        matrix = np.array(filters(block, spectral).matrix)
+        for one, other in metamers():
+            assert min(one.min(), other.min()) > 0
+            assert max(one.max(), other.max()) < 1
+            assert matrix @ (light() * (one - other)) == pytest.approx(np.zeros(3), abs=1e-12)
+            cosine = one @ other / np.sqrt(one @ one * (other @ other))
+            assert np.rad2deg(np.arccos(cosine)) > 20
+
+
+def test_the_metamers_are_in_the_picture(spectral: Scene) -> None:
+    """Where the layout puts the chart, red, green and blue filters see even surfaces."""
+    size = round(HEIGHT * min(600 / ASPECT, 400))
+    gap = (600 - sum(round(size * aspect) for aspect, _ in SPECTRAL_CHARTS)) / (len(SPECTRAL_CHARTS) + 1)
+    top, left = 400 - size - round(GAP * 400), round(gap + round(size * SPECTRAL_CHARTS[0][0]) + gap)
+    lettering = spectral.rgb[top + round(0.72 * size) : top + size - 1, left + 1 : left + size - 1]
+    assert np.ptp(lettering, axis=(0, 1)).max() > 0.5
+    assert np.ptp(filters(("RG", "GB"), spectral).of(lettering), axis=(0, 1)).max() < ROUNDING
+
+
+def test_bands_know_their_colours(spectral: Scene) -> None:
+    assert spectral.neutral == tuple(light())
+    to_xyz = np.array(spectral.camera_to_xyz)
+    assert to_xyz @ light() == pytest.approx(D50, abs=1e-12)
+    x, y, z = to_xyz @ (PATCHES[[12, 13, 14]] * light()).T  # blue, green, red
+    assert np.argmax(x / y) == 2
+    assert np.argmax(z / y) == 0
+
+
+def test_another_light_falls_on_the_same_surfaces(spectral: Scene) -> None:
+    warm = spectral_scene(spectral.shape[1], spectral.shape[0], "A")
+    assert list(warm.neutral) == sorted(warm.neutral)  # the longer the wavelength, the brighter
+    np.testing.assert_allclose(warm.rgb / warm.neutral, spectral.rgb / light(), atol=1e-5)
+    assert np.array(warm.camera_to_xyz) @ warm.neutral == pytest.approx(D50, abs=1e-12)

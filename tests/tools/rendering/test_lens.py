@@ -1,4 +1,4 @@
-"""A render undoes the lateral chromatic aberration that the calibration knows."""
+"""A render undoes the lens that the calibration knows: lateral chromatic aberration, and shading of light and colour."""
 
 from dataclasses import replace
 from functools import cache
@@ -10,18 +10,21 @@ from offline import BEST, PAPER, RenderSettings, render, render_bands
 from offline.burst import Motion, merge_burst, render_burst_bands
 from offline.kernels.aberration import undo_aberration
 from offline.render import registered
-from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
+from shared import Aberration, CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.progress import SILENT
-from shared.sensor import simulate_additive
+from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.aberration import figures
 from tests.benchmarks.harness import photographed
+from tests.benchmarks.shading import figures as figures_of_shading
+from tests.benchmarks.shading import noisy
 from tests.reference.aberration import changes
 from tools.camera.lens import lens_aberration, lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
 
 SHAPE = (240, 360)
 LENS = lens_aberration(1, -1, 3, SHAPE)
+DARK = lens_shading(2, 0.15, 4, SHAPE)
 MEDIAN = 1  # which of the figures: chrominance of patches
 
 
@@ -61,7 +64,7 @@ def test_a_lens_without_it_changes_no_bit() -> None:
 
 
 def test_bands_are_the_picture() -> None:
-    shot = photographed(scene(), 0.01, aberration=LENS, shading=lens_shading(2, 0.15, 4, SHAPE))
+    shot = photographed(scene(), 0.01, aberration=LENS, shading=DARK)
     assert np.array_equal(np.concatenate(list(render_bands(shot))), render(shot).rgb)
 
 
@@ -97,3 +100,44 @@ def test_frames_of_a_burst_lose_it() -> None:
 
     unknown = seen([replace(shot, calibration=replace(shot.calibration, aberration=None)) for shot in shots])
     assert seen(shots)[MEDIAN] - unknown[MEDIAN] > 0.3  # dB
+
+
+def seen(mosaic: Mosaic, settings: RenderSettings = BEST) -> list[float]:
+    return figures_of_shading(render(mosaic, settings).rgb, scene())
+
+
+@pytest.mark.parametrize("settings", [BEST, PAPER])
+def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings) -> None:
+    even, undone = seen(photographed(scene(), 0.0), settings), seen(photographed(scene(), 0.0, shading=DARK), settings)
+    assert min(np.subtract(undone[:3], even[:3])) > -0.3  # dB
+    assert undone[3] - even[3] < 0.2  # dE2000
+
+
+def test_noise_in_the_corners_is_that_of_the_gain() -> None:
+    amplified, undone = seen(noisy(scene(), 0.01, DARK)), seen(photographed(scene(), 0.01, shading=DARK))
+    assert min(np.subtract(undone[:3], amplified[:3])) > -0.5
+
+
+def white(light: float, shading: Shading | None) -> FloatArray:
+    """A render of a warm white surface on grey, near a corner, by a sensor that clips."""
+    rgb = np.full((*SHAPE, 3), 0.3, np.float32)
+    rgb[30:90, 30:90] = np.array([1.0, 0.8, 0.6], np.float32) * light
+    sensor = SensorCalibration.of_bits(12, headroom=False, neutral=(1.0, 0.8, 0.6), shading=shading)
+    return render(simulate_sensor(rgb, CfaPattern.bayer(6), sensor, 1.0, np.random.default_rng(0))).rgb[45:75, 45:75]
+
+
+def test_saturation_is_judged_before_the_gain() -> None:
+    # Twice full scale, and no sample of it is saturated: there is nothing to restore.
+    assert white(2.0, DARK).mean(axis=(0, 1)) == pytest.approx([2.0, 1.6, 1.2], rel=0.02)
+    # Panchromatic samples are saturated, and the blocks tell how bright the surface is.
+    assert white(3.5, DARK).mean(axis=(0, 1)) == pytest.approx([3.5, 2.8, 2.1], rel=0.03)
+    assert white(1.6, None).mean(axis=(0, 1)) == pytest.approx([1.6, 1.28, 0.96], rel=0.05)
+
+
+def test_scene_units_render_as_codes_do() -> None:
+    shot = simulate_additive(
+        scene(), CfaPattern.bayer(6), SensorCalibration.of_bits(16, shading=DARK), 0.0, np.random.default_rng(0)
+    )
+    codes = replace(shot, samples=shot.codes)
+    apart = np.abs(render(shot, PAPER).rgb - render(codes, PAPER).rgb)
+    assert np.quantile(apart, 0.99) < 0.005

@@ -1,0 +1,112 @@
+"""Which shots are one burst, and the pictures of its report."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from shared.errors import InputError
+from tools.host.folders import DNGS, Source, search
+from tools.rendering.burst_files import BurstFile, leave_odd_ones_out, series, series_stem
+from tools.rendering.burst_report import CELL, Shown, most_different
+
+
+def found(folder: Path, *names: str) -> list[Source]:
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).touch()
+    return search([str(folder)], DNGS).sources
+
+
+def test_a_folder_s_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    sources = found(tmp_path, "rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json")
+    assert series(sources) == [str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")]
+
+
+def test_files_that_are_named_are_taken_as_they_are() -> None:
+    assert series([Source("b.dng"), Source("a-7.dng"), Source("c/a-1.dng")]) == ["b.dng", "a-7.dng", "c/a-1.dng"]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["a-1.dng", "a-2.dng", "dark.dng"], "found {0}/a-1.dng and 1 more, {0}/dark.dng; name the files of one"),
+        (["a-1.dng", "b-1.dng", "b-2.dng"], "found {0}/a-1.dng, {0}/b-1.dng and 1 more; name"),
+        (["a-1.dng", "more/a-1.dng"], "found {0}/a-1.dng, {0}/more/a-1.dng; name"),
+        ([f"{name}.dng" for name in "abcdefg"], "{0}/d.dng and 3 others; name"),
+    ],
+)
+def test_what_is_not_one_burst_is_named(tmp_path: Path, names: list[str], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        series(found(tmp_path, *names))
+    assert words.format(tmp_path) in str(refused.value)
+
+
+@pytest.mark.parametrize("spelling", ["{0}/./a.dng", "{0}/more/../a.dng", "{0}/hard.dng", "{0}/b-2.dng"])
+def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: str) -> None:
+    (tmp_path / "more").mkdir()
+    (tmp_path / "a.dng").write_text("a")
+    (tmp_path / "b-2.dng").symlink_to("a.dng")
+    (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
+    first, second = f"{tmp_path}/a.dng", spelling.format(tmp_path)
+    with pytest.raises(InputError, match=f"^{second}: is given twice: it is the same file as {first}$"):
+        series([Source(first), Source("missing.dng"), Source(second)])
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [
+        (["in/a-1.dng", "in/a-2.dng"], "a"),
+        (["b/a-7.dng", "c/a-1.dng"], "a"),
+        (["a-1.dng", "b-1.dng"], "a-1"),
+        (["a-1.dng", "b.dng"], "a-1"),
+        (["b.dng", "a-1.dng"], "b"),
+        (["a-b-01.dng", "a-b-10.dng"], "a-b"),
+    ],
+)
+def test_a_picture_is_called_by_what_its_frames_have_in_common(names: list[str], stem: str) -> None:
+    assert series_stem(names) == stem
+
+
+def test_frames_that_are_not_like_most_others_are_left_out() -> None:
+    usual, other = SensorCalibration(), SensorCalibration(gamma=(0.9, 1.0, 1.1))
+    mosaics = [Mosaic(np.zeros((13, 14), np.float32), CfaPattern.bayer(), each) for each in (other, usual, usual)]
+    for reference, out in ((None, [0]), (0, [1, 2])):
+        frames = [BurstFile(str(index), mosaic) for index, mosaic in enumerate(mosaics)]
+        leave_odd_ones_out(frames, reference)
+        assert [index for index, frame in enumerate(frames) if "another calibration" in frame.reason] == out
+
+
+# --- report ----------------------------------------------------------------------------------------------------------------------
+
+
+def test_the_places_are_where_pictures_differ_and_do_not_overlap() -> None:
+    one, other = np.zeros((2, 500, 700, 3), np.uint8)
+    other[300:310, 400:410], other[20:24, 600:604], other[480:, 0:2] = 200, 250, 90
+    places = most_different(one, other, 4)
+    assert len(places) == 3
+    for row, column in [(305, 405), (22, 602), (490, 1)]:
+        assert any(top <= row < top + CELL and left <= column < left + CELL for top, left in places)
+    assert all(abs(a[0] - b[0]) >= CELL or abs(a[1] - b[1]) >= CELL for a in places for b in places if a is not b)
+    assert all(top + CELL <= 500 and left + CELL <= 700 for top, left in places)
+
+
+def test_pictures_smaller_than_a_place() -> None:
+    one, other = np.zeros((2, 30, 200, 3), np.uint8)
+    assert most_different(one, other, 4) == []
+    other[5, 190] = 1
+    assert most_different(one, other, 4) == [(0, 96)]
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_bands_pass_and_the_picture_is_upright(orientation: int) -> None:
+    mosaic = Mosaic(np.full((30, 40), 0.5, np.float32), CfaPattern.bayer(), SensorCalibration())
+    shown = Shown(replace(mosaic, metadata=CaptureMetadata(orientation=orientation)), 0.0)
+    rgb = np.random.default_rng(0).random((30, 40, 3), np.float32)
+    passed = list(shown.taken([rgb[:20], rgb[20:]]))
+    assert [len(band) for band in passed] == [20, 10]
+    assert shown.picture.shape == ((30, 40, 3) if orientation == 1 else (40, 30, 3))
+    first = shown.picture[0, 0] if orientation == 1 else shown.picture[0, -1]  # turned clockwise
+    assert np.array_equal(np.argsort(first), np.argsort(rgb[0, 0]))
