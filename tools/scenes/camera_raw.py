@@ -40,15 +40,13 @@ _ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 NO_RAW = "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
-UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
-def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene:
+def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene:
     """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
     path: the file.
-    name: the scene's name, used for output files.
     max_pixels: larger files are refused.
 
     The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of the visible area, with the two
@@ -59,7 +57,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
-    return run_limited(path, NEEDED, _read, path, name, max_pixels)
+    return run_limited(path, NEEDED, _read, path, max_pixels)
 
 
 def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -95,17 +93,11 @@ def _unpacked(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
             raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
 
 
-def _read(path: Path, name: str, max_pixels: int) -> Scene:
+def _read(path: Path, max_pixels: int) -> Scene:
     with _unpacked(path, max_pixels) as (raw, rawpy):
         rgb, gone = _quads(raw, rawpy)
-        neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
-        rgb, clipped = with_white_highlights(rgb, neutral, gone)
-        directories = raw_directories(path)
-        matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
-        metadata = _metadata(raw, directories)
-    if matrix is None:
-        notes += (UNKNOWN_MATRIX,)
-    return Scene(rgb, name, matrix, neutral, metadata, (*notes, *clipped), estimated)
+        directories, known = raw_directories(path), raw.rgb_xyz_matrix[:3]  # LibRaw has a table of cameras
+        return camera_scene(path.stem, rgb, gone, _neutral(raw), directories.main, _metadata(raw, directories), known)
 
 
 def _quads(raw: Any, rawpy: Any) -> tuple[FloatArray, FloatArray]:
@@ -159,17 +151,37 @@ def _check_mosaic(raw: Any, rawpy: Any, remedy: str) -> None:
         raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}")
 
 
-def as_shot_or_estimated(
-    as_shot: tuple[float, ...] | None, rgb: FloatArray
-) -> tuple[tuple[float, ...] | None, bool, tuple[str, ...]]:
-    """Return the neutral of a file that may state none, whether it is estimated from the scene `rgb`, and notes for the user."""
-    if as_shot is not None:
-        return as_shot, False, ()
-    estimate = shades_of_grey(rgb)
-    if estimate is None:
-        return None, False, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
-    figures = ", ".join(f"{value:.3f}" for value in estimate)
-    return estimate, True, (f"the file has no white balance: neutral {figures} is estimated from the scene",)
+def camera_scene(
+    name: str,
+    rgb: FloatArray,
+    gone: FloatArray | None,
+    as_shot: tuple[float, ...] | None,
+    fields: StoredFields,
+    metadata: CaptureMetadata,
+    known: Any = None,
+) -> Scene:
+    """Return the scene that a camera recorded.
+
+    name: for output files.
+    rgb: camera RGB, (H, W, 3), scene units.
+    gone: how far each sample is clipped (see `with_white_highlights`); None = none is.
+    as_shot: the neutral that the file states; None = it is estimated from the scene, and a note says so.
+    fields, known: see `colour_matrix`.
+    metadata: capture data.
+    """
+    neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
+    if neutral is None:
+        notes.append("the file has no white balance, and the scene is too dark or too bright to estimate one")
+    elif not as_shot:
+        figures = ", ".join(f"{value:.3f}" for value in neutral)
+        notes.append(f"the file has no white balance: neutral {figures} is estimated from the scene")
+    matrix = colour_matrix(fields, neutral, known)
+    if matrix is None:
+        notes.append("the camera's colour matrix is unknown: colours can be balanced, but not matched")
+    if gone is not None:
+        rgb, clipped = with_white_highlights(rgb, neutral, gone)
+        notes += clipped
+    return Scene(rgb, name, matrix, neutral, metadata, tuple(notes), not as_shot and neutral is not None)
 
 
 def _neutral(raw: Any) -> tuple[float, ...] | None:

@@ -15,10 +15,10 @@ from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_check import check_directories, check_pieces
-from shared.white_balance import normalised
+from shared.white_balance import clipped_share, normalised
 
-from .camera_raw import UNKNOWN_MATRIX, as_shot_or_estimated, colour_matrix, raw_directories
-from .clipped import with_white_highlights
+from .camera_raw import camera_scene, raw_directories
+from .clipped import SHOULDER
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
@@ -29,11 +29,10 @@ _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
-def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene | None:
+def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has a mosaic.
 
     path: the file.
-    name: the scene's name, used for output files.
     max_pixels: larger files are refused.
 
     rgb is (sample - black) / (white - black) of the active area, after the linearization table. It is neither rotated nor
@@ -57,12 +56,8 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             rgb = _levelled(samples, page)
             stated = _numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
     as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
-    neutral, estimated, notes = as_shot_or_estimated(as_shot, rgb)
-    rgb, clipped = with_white_highlights(rgb, neutral) if integers else (rgb, ())
-    notes += clipped
-    directories = raw_directories(path)
-    matrix = colour_matrix(directories.main, neutral)
-    return Scene(rgb, name, matrix, neutral, metadata_from(directories), notes if matrix else (*notes, UNKNOWN_MATRIX), estimated)
+    gone, directories = clipped_share(rgb, 1.0, SHOULDER) if integers else None, raw_directories(path)
+    return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:

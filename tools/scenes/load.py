@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,7 +16,7 @@ from shared import read_dng
 from shared.arrays import CodeArray
 from shared.dng.tags import MAKER, Tag
 from shared.errors import ForeignFileError, InputError
-from shared.reading import MAX_PIXELS
+from shared.reading import MAX_PIXELS, opened_file
 from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
@@ -29,15 +30,9 @@ from .picture import gehler_shi_scene, picture_scene
 from .scene import RGB, Scene, check_size, scene_channels
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
-_DRAWN: dict[str, Callable[..., Scene]] = {
-    "builtin:": builtin_scene,
-    "chart:": chart_scene,
-    "spectral:": spectral_scene,
-}
-_EVEN = {
-    "flat:": 1.0,
-    "dark:": 0.0,
-}  # and what each reads everywhere, in all channels: less light makes flat frames that do not clip
+_DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene, "spectral:": spectral_scene}
+# Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames that do not clip.
+_EVEN = {"flat:": 1.0, "dark:": 0.0}
 _PIECE = 16 << 20
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
@@ -84,8 +79,8 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
         gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
-        linear_scene = linear_dng_scene(path, path.stem, max_pixels) if is_dng else None
-    return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
+        linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
+    return linear_scene or camera_raw_scene(path, max_pixels)
 
 
 def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -116,7 +111,8 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
 
     Raises ForeignFileError for a shot of Panchroma, and InputError for a file that can be neither.
     """
-    start = _first_bytes(path)
+    with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
+        start = file.read(16)
     suffix = path.suffix.lower()
     found = next((each for each in FORMATS if re.match(each.start, start, re.DOTALL)), None)
     is_dng = False
@@ -179,23 +175,6 @@ def text_name(path: Path) -> Iterator[Path]:
             yield link
     except OSError as error:
         raise InputError(f"its name is no text, and a link to it cannot be made ({error.strerror or error}); rename it") from None
-
-
-def _first_bytes(path: Path) -> bytes:
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError("is a pipe or a device, not a file; save the picture first")  # reading it might never end
-        with path.open("rb") as file:
-            start = file.read(16)
-    except FileNotFoundError:
-        raise InputError("there is no such file; check the name") from None
-    except IsADirectoryError:
-        raise InputError("is a folder; name the files in it") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    if not start:
-        raise InputError("the file is empty; copy it again")
-    return start
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:

@@ -195,7 +195,7 @@ from tools.scenes import camera_raw
 for module in camera_raw.NEEDED:
     import_module(module)
 before = set(sys.modules)
-camera_raw._read(Path(sys.argv[1]), "a", 1 << 20)
+camera_raw._read(Path(sys.argv[1]), 1 << 20)
 print(*sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
 """
 

@@ -9,7 +9,7 @@ import numpy as np
 from shared.dng import read_metadata
 from shared.errors import InputError
 from shared.jpeg_check import read_header
-from shared.reading import data_bytes
+from shared.reading import data_bytes, read_whole
 
 from ..scene import check_size
 from .decoded import Decoded, PictureFormat, profile_encoding
@@ -21,9 +21,7 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode a JPEG."""
     from PIL import Image
 
-    if path.stat().st_size > _LARGEST:
-        raise InputError(f"is larger than {_LARGEST} bytes, more than any JPEG needs: it is damaged; if not, save it as PNG")
-    jpeg = path.read_bytes()
+    jpeg = read_whole(path, _LARGEST, "a JPEG")
     header = read_header(jpeg)
     check_size(header.columns, header.rows, 4, data_bytes(path), max_pixels)
     header.check(max_pixels)
