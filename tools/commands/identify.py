@@ -22,7 +22,7 @@ from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
 from tools.live.identification import facts_of, first_frame
 from tools.live.source import STREAM, SourceOptions
-from tools.pictures.tile_map import tile_map
+from tools.pictures.illustrations import tile_map
 from tools.scenes.camera_raw import NO_RAW
 from tools.scenes.load import sensor_samples
 

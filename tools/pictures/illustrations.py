@@ -1,13 +1,16 @@
-"""Pictures that explain: how the camera works, and how its render compares."""
+"""Pictures that explain: how the camera works, how its render compares, a tile of filters, and where colour is a guess."""
 
 from collections.abc import Sequence
+from html import escape
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shared import Mosaic
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.display import ColourTransform
+from shared.pattern import PANCHROMATIC
 
 from .samples import quantise
 
@@ -19,6 +22,29 @@ _PAPER, _INK, _SOFT = (255, 255, 255), (24, 24, 27), (113, 113, 122)
 _FILTERS = {"R": (214, 64, 60), "G": (62, 160, 85), "B": (58, 96, 200), "W": (236, 236, 232)}
 _DRAWN = 12  # pixels of a pattern drawing
 _SHOWN = 55  # scene pixels across a panel of the overview
+
+# Of a tile.
+_SIDE, _CELL = 480, (56, 120)  # pixels: of the picture, about; of a site, at least and at most
+_DARKEST, _BRIGHTEST = 20, 235  # levels of grey
+_DISCS = {
+    "R": (220, 38, 38),
+    "G": (22, 163, 74),
+    "B": (37, 99, 235),
+    "C": (8, 145, 178),
+    "M": (192, 38, 211),
+    "Y": (250, 204, 21),
+    "W": (255, 255, 255),
+}
+_OTHER = (161, 161, 170)
+_FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
+_SQUARE = 12  # SVG units of a site of a drawn tile
+
+INFERRED, GUESSED = 0.02, 0.06
+"""How far colour may be off, a share of the light, from which on it is inferred from the blocks around, and from which on it is a
+guess: there a wrong hue is seen at a glance (a difference of some 10 CIEDE2000 in a grey of medium brightness is 0.06 to 0.1)."""
+LEGEND = "grey: colour is measured; blue: inferred; orange: guessed"
+_DARK = 0.01  # of full scale: light that is as good as none
+_TINTS = np.array(((255, 255, 255), (92, 160, 255), (255, 140, 30)), np.float32) / 255
 
 Crop = tuple[int, int]
 
@@ -107,3 +133,60 @@ def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":
         draw.text((left, top + _PANEL + 5), name, _INK, title)
         draw.text((left, top + _PANEL + 30), explanation, _SOFT, line)
     return sheet
+
+
+def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
+    """A PNG with a square for each site of a tile, as grey as the site is bright, and in it a disc with the letter of its filter.
+
+    tile: K strings of K letters.
+    light: mean level of each site in any unit, (K, K).
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    period = len(tile)
+    cell = min(max(_SIDE // period, _CELL[0]), _CELL[1])
+    picture = Image.new("RGB", (period * cell + 1, period * cell + 1), _PAPER)
+    draw = ImageDraw.Draw(picture)
+    font = ImageFont.load_default(cell * 0.36)
+    greys = _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
+    for row, column in np.ndindex(period, period):
+        left, top, grey = column * cell, row * cell, round(float(greys[row, column]))
+        draw.rectangle((left, top, left + cell, top + cell), (grey, grey, grey), _PAPER)
+        letter = tile[row][column]
+        colour = _DISCS.get(letter, _OTHER)
+        middle = (left + cell / 2, top + cell / 2)
+        draw.circle(middle, cell * 0.3, colour, _INK)
+        ink = _INK if sum(colour) > 450 else _PAPER
+        draw.text(middle, letter, ink, font, "mm")
+    file = BytesIO()
+    picture.save(file, "PNG")
+    return file.getvalue()
+
+
+def tile_picture(tile: Sequence[str]) -> str:
+    """Return the SVG element of one tile, K rows of K letters. Filters without a colour of their own name get a hue each."""
+    squares, side = "", len(tile) * _SQUARE
+    others = sorted(set("".join(tile)) - set(_FILLS))
+    for row_, letters in enumerate(tile):
+        for column, letter in enumerate(letters):
+            fill = _FILLS.get(letter) or f"hsl({360 * others.index(letter) / len(others):.0f} 55% 45%)"
+            x, y = column * _SQUARE, row_ * _SQUARE
+            squares += f'<rect x="{x}" y="{y}" width="{_SQUARE}" height="{_SQUARE}" fill="{fill}"/>'
+            if letter != PANCHROMATIC:
+                squares += f'<text x="{x + _SQUARE / 2:g}" y="{y + 0.77 * _SQUARE:g}">{escape(letter)}</text>'
+    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'
+
+
+def colour_doubt(luminance: FloatArray, uncertainty: FloatArray, gamma: FloatArray) -> FloatArray:
+    """How far colour may be off, as a share of the light, float32 (H, W).
+
+    luminance: (H, W), what a panchromatic pixel reads. uncertainty: see `offline.Rendering`. gamma: (C,), of Eq. 7.
+    """
+    off = np.sqrt(np.square(uncertainty[..., 1:] * gamma).sum(axis=2))
+    return off / (np.maximum(luminance, 0) + np.float32(_DARK) * gamma.sum())
+
+
+def certainty_map(shown: ByteArray, doubt: FloatArray) -> ByteArray:
+    """The picture, uint8 (H, W, 3), in grey, tinted where its colour is inferred or guessed. doubt: (H, W), see `colour_doubt`."""
+    grey = 60 + shown.mean(axis=2, dtype=np.float32) * np.float32(195 / 255)
+    return np.rint(grey[..., None] * _TINTS[np.digitize(doubt, (INFERRED, GUESSED))]).astype(np.uint8)

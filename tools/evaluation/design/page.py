@@ -6,8 +6,8 @@ from html import escape
 import numpy as np
 
 from tools.pictures.html import cell, data_address, figure, report, row, row_title, table
+from tools.pictures.illustrations import tile_picture
 from tools.pictures.plot import Plot, round_step, ticks
-from tools.pictures.tile_map import tile_picture
 
 from ..page.gallery import WHY_PATTERNS, Exhibit
 from .judge import Figures

@@ -13,7 +13,7 @@ from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
-from tools.pictures.certainty import LEGEND, certainty_map, colour_doubt
+from tools.pictures.illustrations import LEGEND, certainty_map, colour_doubt
 from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 

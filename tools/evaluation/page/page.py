@@ -7,7 +7,7 @@ from importlib.resources import files
 from string import Template
 
 from tools.pictures.html import bullets, cell, css_class, data_address, page, row, row_title, table
-from tools.pictures.tile_map import tile_picture
+from tools.pictures.illustrations import tile_picture
 
 from ..figures import CRITERIA, Figures, SetFigures
 from ..methods import methods

@@ -229,7 +229,7 @@ class Uncertainty:
     @property
     def image(self) -> Image:
         """The picture in grey, tinted blue where its colour is inferred and orange where it is a guess."""
-        from tools.pictures.certainty import certainty_map, colour_doubt
+        from tools.pictures.illustrations import certainty_map, colour_doubt
         from tools.pictures.samples import upright
 
         gamma = np.array(self.picture.calibration.gamma, np.float32)

@@ -32,7 +32,7 @@ class Design:
         return f"<Design: {len(self.patterns)} tiles, the best {best}>"
 
     def _repr_html_(self) -> str:
-        from tools.pictures.tile_map import tile_picture
+        from tools.pictures.illustrations import tile_picture
 
         drawn = "".join(
             f'<div style="width:120px">{tile_picture(pattern.split("/"))}'
