@@ -10,7 +10,8 @@ from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.processors import processors
 from shared.spelling import meant
-from tools.host.console import fault, to_stderr
+from tools.host.console import fault as missing_package
+from tools.host.console import to_stderr
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.progress import StageProgress
 from tools.host.versions import program_version
@@ -34,11 +35,6 @@ _AS_ARRAY = PictureKind("npy", 32, "camera")
 def note_once(line: str) -> None:
     """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
     to_stderr(line)
-
-
-def missing_package(error: ModuleNotFoundError) -> str:
-    """What to install where a package is missing."""
-    return fault(error)
 
 
 def settings_named(preset: object) -> "RenderSettings":
