@@ -86,14 +86,14 @@ def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) 
         return [render(mosaic, each, progress) for each in settings]
 
 
-def merged_picture(mosaics: Sequence[Mosaic], preset: str, progress: StageProgress) -> FloatArray:
+def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:
     """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
+    from offline import BEST
     from offline.burst import merge_burst, render_burst_bands
 
-    settings = settings_named(preset)
     with announced_compilation(progress):
-        merged = merge_burst(mosaics, settings, progress, reference=0)
-        return joined(render_burst_bands(merged, settings, progress), mosaics[0].shape[0])
+        merged = merge_burst(mosaics, BEST, progress, reference=0)
+        return joined(render_burst_bands(merged, BEST, progress), mosaics[0].shape[0])
 
 
 def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
