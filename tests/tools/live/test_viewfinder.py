@@ -28,8 +28,7 @@ from tests.device.packer import random_codes
 from tests.tools.command import names
 from tools.live import server
 from tools.live.server import ViewfinderServer
-from tools.live.showing import fitting_scale, show_frames
-from tools.live.viewfinder import Viewfinder
+from tools.live.viewfinder import Viewfinder, fitting_scale, show_frames
 
 SIZE = (20, 30)
 
