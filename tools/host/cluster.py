@@ -162,10 +162,8 @@ class Cluster:
             raise_lost_signal()
             time.sleep(_POLL)
         answers = self._client.run(program, on_error="return").items()
-        remarks = [
-            (f"worker {each}", _judged(each, said)) for each, said in answers if not isinstance(said, OSError)
-        ]  # it has left
-        for line in once_each((worker, remark) for worker, remark in remarks if remark):
+        there = ((address, answer) for address, answer in answers if not isinstance(answer, OSError))  # otherwise it has left
+        for line in once_each((f"worker {address}", _judged(address, answer)) for address, answer in there):
             self._note(line)
 
     def _results(self, work: Callable[[P, StageProgress], R], waiting: Iterator[P]) -> Iterator[tuple[P, R | Exception]]:

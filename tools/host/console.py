@@ -58,11 +58,6 @@ class Console:
         if not self._quiet:
             to_stderr(self.worded(text))
 
-    def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
-        for line in once_each((source, remark) for source, remarks in noted for remark in remarks):
-            self.note(line)
-
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr."""
         to_stderr(f"panchroma: {self.worded(text)}")
@@ -121,10 +116,14 @@ def fault(error: BaseException) -> str:
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Each remark once, in a line that names the first that it is about, and counts the others. remarks: (about what, remark)."""
+    """Each remark once, in a line that names the first that it is about, and counts the others.
+
+    remarks: (about what, remark); "" is none.
+    """
     about: dict[str, list[str]] = {}
     for name, remark in remarks:
-        about.setdefault(remark, []).append(name)
+        if remark:
+            about.setdefault(remark, []).append(name)
     for remark, (first, *more) in about.items():
         yield f"{first}{f' and {len(more)} more' if more else ''}: {remark}"
 
