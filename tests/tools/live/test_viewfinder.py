@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from datetime import datetime
 from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
+from itertools import cycle
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +27,7 @@ from shared.dng import read_preview
 from shared.errors import InputError, OutputError
 from tests.device.packer import random_codes
 from tests.tools.command import names
-from tools.live import server
+from tools.live import server, viewfinder
 from tools.live.server import ViewfinderServer
 from tools.live.viewfinder import Viewfinder, fitting_scale, show_frames
 
@@ -123,18 +124,33 @@ def test_the_stream_shows_each_picture(shown: Served) -> None:
         show(shown.finder, number + 1)
 
 
+class Restless:
+    """A lock after whose release some threads pause, so that others may overtake them."""
+
+    pauses = cycle((0.01, 0.0, 0.0))
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+        time.sleep(next(self.pauses))
+
+
 def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    finder, seen, refused = Viewfinder(lambda: 0), list[int](), list[InputError]()
-    first = [int(codes(number)[0, 0]) for number in range(6)]
+    finder, seen, shown, refused = Viewfinder(lambda: 0), list[int](), list[int](), list[InputError]()
+    first = [int(codes(number)[0, 0]) for number in range(20)]
 
     def preview(mosaic: Mosaic) -> ByteArray:
-        time.sleep(0.02 * (int(mosaic.codes[0, 0]) == first[2]))
         seen.append(int(mosaic.codes[0, 0]))
         return grey(mosaic)
 
-    shown = []
+    monkeypatch.setattr(viewfinder, "Lock", Restless)
     monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
-    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(6)), SENSOR, preview, finder, refused.append)
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, preview, finder, refused.append)
     assert shown == seen == first
     assert refused == []
 
