@@ -28,7 +28,7 @@ from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames, mot
 from tools.camera.lens import FAULTS, check_lens, lens_of
 from tools.camera.simulated_camera import BITS as DEFAULT_BITS
 from tools.camera.simulated_camera import TRUTH, SimulatedCamera
-from tools.host.console import Console, once_each
+from tools.host.console import Console
 from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
@@ -133,7 +133,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             progress.advance()
         for path in beside[1:]:
             write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        noted.extend((job.source, note) for note in exposed.notes)
+        noted.append((job.source, exposed.notes))
         rows, columns = mosaic.shape
         lines = [f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits" for shot in shots]
         facts = {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
@@ -145,11 +145,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
     searched = found.report(console)
-    noted: list[tuple[str, str]] = []
+    noted: list[tuple[str, tuple[str, ...]]] = []
     each_shown = Here(lambda job: console.progress(job.source))
     code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite, workers=each_shown)
-    for line in once_each(noted):
-        console.note(line)
+    console.notes(noted)
     return code if searched else FAILED
 
 

@@ -58,6 +58,11 @@ class Console:
         if not self._quiet:
             to_stderr(self.worded(text))
 
+    def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
+        """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
+        for line in once_each((source, remark) for source, remarks in noted for remark in remarks):
+            self.note(line)
+
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr."""
         to_stderr(f"panchroma: {self.worded(text)}")
