@@ -85,7 +85,7 @@ class Viewfinder:
         mosaic: the frame that it shows; `shoot` saves it.
         taken, arrived: see `RawFrame`.
         """
-        jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=_QUALITY, subsampling="420"))
+        jpeg = _jpeg(picture)
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
@@ -221,3 +221,7 @@ def _go_on(held: ExitStack, step: Lock) -> None:
     """Take this step's lock before the last one's is let go, so that no frame overtakes another."""
     with held.pop_all():
         held.enter_context(step)
+
+
+def _jpeg(picture: ByteArray) -> bytes:
+    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=_QUALITY, subsampling="420"))
