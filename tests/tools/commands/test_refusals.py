@@ -47,6 +47,7 @@ USAGE = {
         "--workers 2 --scheduler tcp://a:1": "--workers cannot be used with a scheduler",
         "--scheduler ''": "--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE",
         "--scheduler tcp://a:1 --scheduler-file b": "--scheduler and --scheduler-file name the same thing",
+        "--scheduler-file missing.json": "missing.json: there is no such file",
         "--uncertainty -f png": "scene units",
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},

@@ -70,6 +70,4 @@ def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path, out: Pa
     shot = tmp_path / "builtin-24x24.dng"
     far = written(tmp_path, "3,40\n")
     assert_refused(run("render", shot, "-o", out, "--defects", far), "belongs to another sensor", name=str(shot))
-    paper = run("render", shot, "-o", out, "--defects", far, "--preset", "paper", code=2)
-    assert "--defects needs --preset best" in paper.err
     assert names(out) == set()
