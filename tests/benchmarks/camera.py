@@ -32,8 +32,7 @@ from device.capture.white_balance import SteadyWhite
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng
-from tests.benchmarks.frame import Frame
-from tests.benchmarks.harness import Work, alternate
+from tests.benchmarks.harness import Frame, Work, alternate
 from tests.tools.command import start
 from tools.live.viewfinder import _jpeg
 

@@ -56,14 +56,13 @@ class Number:
     file: the module, relative to `offline`; `_SETTING` for a setting.
     name: of the constant, or `stage.name` of the setting.
     value: as it is written.
-    start, end: where that is in the module's text; 0 for a setting.
+    line: with which that ends in the module's text; 0 for a setting.
     """
 
     file: str
     name: str
     value: str
-    start: int = 0
-    end: int = 0
+    line: int = 0
 
     @property
     def title(self) -> str:
@@ -86,9 +85,6 @@ def numbers() -> list[Number]:
 
 def constants_of(text: str, file: str) -> Iterator[Number]:
     """The numbers that a module's text gives names in capitals."""
-    lines = [0]
-    for line in text.splitlines(keepends=True):
-        lines.append(lines[-1] + len(line.encode()))
     for node in ast.parse(text).body:
         match node:
             case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)) if len(names) == len(values):
@@ -99,25 +95,14 @@ def constants_of(text: str, file: str) -> Iterator[Number]:
                 continue
         for name, value in pairs:
             if isinstance(name, ast.Name) and _NAME.fullmatch(name.id) and _is_number(value):
-                start, end = (
-                    lines[row - 1] + column
-                    for row, column in ((value.lineno, value.col_offset), (value.end_lineno or 0, value.end_col_offset or 0))
-                )
-                yield Number(file, name.id, text.encode()[start:end].decode(), start, end)
+                yield Number(file, name.id, ast.get_source_segment(text, value) or "", node.end_lineno or 0)
 
 
 def _is_number(node: ast.expr) -> bool:
     """Whether an expression consists of numbers alone."""
-    match node:
-        case ast.Constant(value=int() | float() as value):
-            return not isinstance(value, bool)
-        case ast.UnaryOp(operand=part) | ast.Call(func=ast.Attribute(attr="float32"), args=[part]):
-            return _is_number(part)
-        case ast.BinOp(left=left, right=right):
-            return _is_number(left) and _is_number(right)
-        case ast.Tuple(elts=[_, *_] as parts):
-            return all(map(_is_number, parts))
-    return False
+    names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+    names |= {each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute)}
+    return names <= {"np", "float32"} and scaled(eval(ast.unparse(node), {"np": np}), 2.0) is not None
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -138,8 +123,8 @@ def scaled(value: Any, factor: float) -> Any:
 def changed(text: str, number: Number, factor: float) -> str:
     """A module's text with one of its constants times a factor."""
     new = repr(scaled(eval(number.value, {"np": np}), factor))  # numbers alone, as `_is_number` has seen
-    before, after = text.encode()[: number.start].decode(), text.encode()[number.end :].decode()
-    return before + new + after
+    lines = text.splitlines()
+    return "\n".join([*lines[: number.line], f"{number.name} = {new}", *lines[number.line :], ""])
 
 
 def with_setting(settings: RenderSettings, name: str, factor: float) -> RenderSettings:

@@ -1,4 +1,4 @@
-"""What the benchmarks share: options, scenes, shots, rounds, and the tables of lens faults.
+"""What the benchmarks share: options, scenes, shots, the frame on which speed is measured, rounds, and the tables of lens faults.
 
 It does not load the renderer, whose libraries read the number of threads when they are loaded.
 """
@@ -6,15 +6,21 @@ It does not load the renderer, whose libraries read the number of threads when t
 import argparse
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive
+from tests.bayer import bayer_mosaic
 from tests.data import DATA
+from tools.evaluation.rivals.integers import Levels
+from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene
 
 if TYPE_CHECKING:
@@ -22,6 +28,10 @@ if TYPE_CHECKING:
 
 PATTERN = CfaPattern.bayer(6)
 SEED = 3
+Sample = TypeVar("Sample", bound=np.generic)
+_SIGMA, _BITS = 0.01, 12
+_STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
+_PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
 Corners = tuple[float, float]
 """The two figures of a lens, as `lens_shading` or `lens_aberration` take them."""
 Pictures = Callable[[Mapping[str, FloatArray], float, Corners, "RenderSettings"], Iterator[tuple[str, str, FloatArray]]]
@@ -62,6 +72,52 @@ def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -
     """A shot of a scene as it is in a file. lens: `shading` or `aberration` of the sensor's calibration."""
     taken = simulate_additive(rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed))
     return Mosaic(taken.codes, PATTERN, taken.calibration)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The built-in scene as both cameras see it, in every form that is measured. shape: (rows, columns), multiples of 12."""
+
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, megapixels: float) -> "Frame":
+        """A frame of about so many, 3 : 2."""
+        columns = max(24, round((megapixels * 1.5e6) ** 0.5 / _STEP) * _STEP)
+        return cls((max(24, round(megapixels * 1e6 / columns / _STEP) * _STEP), columns))
+
+    @cached_property
+    def shot(self) -> Mosaic:
+        """The sparse-colour shot as the sensor gives it, in codes."""
+        return Mosaic(self._repeated(self._taken.codes), self._taken.pattern, self._taken.calibration)
+
+    @cached_property
+    def mosaic(self) -> Mosaic:
+        """The sparse-colour shot in scene units."""
+        return Mosaic(self._repeated(self._taken.signal), self._taken.pattern, self._taken.calibration)
+
+    @cached_property
+    def bayer(self) -> FloatArray:
+        """Samples of a Bayer sensor from the same scene with the same noise, scene units."""
+        return self._repeated(bayer_mosaic(self._rgb, _SIGMA, np.random.default_rng(0)))
+
+    @cached_property
+    def bayer_codes(self) -> NDArray[np.uint16]:
+        """The samples `bayer` as 16-bit codes."""
+        return Levels.around(self.bayer).encode(self.bayer)
+
+    @cached_property
+    def _rgb(self) -> FloatArray:
+        rows, columns = (min(size, most) for size, most in zip(self.shape, _PIECE, strict=True))
+        return builtin_scene(columns, rows).rgb
+
+    @cached_property
+    def _taken(self) -> Mosaic:
+        return simulate_additive(self._rgb, PATTERN, SensorCalibration.of_bits(_BITS), _SIGMA, np.random.default_rng(0))
+
+    def _repeated(self, piece: NDArray[Sample]) -> NDArray[Sample]:
+        times = tuple(-(-size // drawn) for size, drawn in zip(self.shape, piece.shape, strict=True))
+        return np.tile(piece, times)[: self.shape[0], : self.shape[1]]
 
 
 def alternate(works: Mapping[str, Work], rounds: int, clock: Callable[[], float] = time.perf_counter) -> dict[str, list[float]]:

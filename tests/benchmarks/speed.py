@@ -31,8 +31,7 @@ from shared import read_dng, write_dng
 from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
-from tests.benchmarks.frame import Frame
-from tests.benchmarks.harness import Work, alternate, options
+from tests.benchmarks.harness import Frame, Work, alternate, options
 from tools.host.processes import THREAD_VARIABLES
 from tools.host.versions import package_version, program_version
 

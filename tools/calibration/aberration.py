@@ -16,7 +16,7 @@ from shared.errors import InputError
 
 from .displacement import FARTHEST, LIKELY, RINGS, TERMS, ShotStep, fitted, jackknife
 from .edges import Edges
-from .flat_frames import common_focal_length
+from .frame_sets import common_focal_length
 
 _RADII = (0.5, 0.75, 1.0)  # shares of half the diagonal, where a displacement may be seen
 _LEAST, _CLEAR = 0.05, 5.0  # pixels, standard errors: less counts as none

@@ -13,12 +13,11 @@ from shared.errors import InputError
 
 from .observations import Observations
 from .part import Evidence, Part
-from .parts.aberration import aberration
 from .parts.colour import colour
 from .parts.dark import black_level, defects
 from .parts.gamma import gamma
+from .parts.lens import aberration, shading
 from .parts.noise import noise
-from .parts.shading import shading
 
 PARTS = (gamma, colour, noise, black_level, defects, shading, aberration)
 """In the order of the report. None depends on another."""

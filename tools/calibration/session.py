@@ -19,10 +19,10 @@ from tools.host.progress import StageProgress
 from tools.host.work import Here, Workers, follow
 
 from .aberration import measure_aberration
-from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
 from .edges import Edges, Filled, find_edges
 from .files import KINDS, Files
+from .frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .gamma import Assumed
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations, ShotMeasurement, measure_chart, measure_scene

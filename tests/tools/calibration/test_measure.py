@@ -12,7 +12,7 @@ from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from shared.sensor import simulate_sensor
 from tests.scenes import darker_corners, displaced_channels
-from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
 from tools.calibration.aberration import AberrationResult
 from tools.calibration.dark_frames import DarkResult
 from tools.calibration.measure import conclude
@@ -20,7 +20,6 @@ from tools.calibration.noise import FlatResult
 from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
-from tools.commands.calibrate import color_checker_xyz
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
@@ -31,15 +30,23 @@ LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
 FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool)), ())
 
 
+def on_chart(taken: Mosaic) -> ShotMeasurement:
+    return measure_chart("chart.dng", taken, REFERENCE, true_place().corners)
+
+
 @cache
 def shot() -> ShotMeasurement:
-    return measure_chart("chart.dng", frame(chart().rgb), color_checker_xyz(), true_place().corners)
+    return on_chart(frame(chart().rgb))
+
+
+def base_of(**says: Any) -> Mosaic:
+    """A frame whose calibration says this."""
+    return Mosaic(np.full(SHAPE, 500, np.uint16), PATTERN, replace(BLIND, **says))
 
 
 def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **seen: Any) -> Camera:
     """The camera of these observations, on frames whose calibration says this."""
-    base = Mosaic(np.full(SHAPE, 500, np.uint16), PATTERN, replace(BLIND, **(says or {})))
-    outcome = conclude(Observations(base, **seen), color_checker_xyz(), old=old)
+    outcome = conclude(Observations(base_of(**(says or {})), **seen), REFERENCE, old=old)
     assert outcome.camera is not None, outcome.refusal
     return outcome.camera
 
@@ -79,9 +86,8 @@ def test_that_a_lens_has_none_is_a_measurement(part: str, found: Any) -> None:
 
 @pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
-    other = color_checker_xyz() * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
-    base = Mosaic(np.full(SHAPE, 500, np.uint16), PATTERN, BLIND)
-    outcome = conclude(Observations(base, DARK, FLAT, [shot()]), other)
+    other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
+    outcome = conclude(Observations(base_of(), DARK, FLAT, [shot()]), other)
     assert outcome.verdict == verdict
     assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
 
@@ -97,8 +103,6 @@ def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
     taken = replace(simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says)
-    np.testing.assert_allclose(
-        measure_chart("chart.dng", taken, color_checker_xyz(), true_place().corners).fits[0].gamma, TRUTH.gamma, rtol=0.02
-    )
+    np.testing.assert_allclose(on_chart(taken).fits[0].gamma, TRUTH.gamma, rtol=0.02)
     with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
-        measure_chart("chart.dng", replace(taken, pattern=wrong), color_checker_xyz(), true_place().corners)
+        on_chart(replace(taken, pattern=wrong))

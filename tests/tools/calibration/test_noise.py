@@ -1,4 +1,8 @@
+"""Black level, noise and defects from dark and flat frames: what they show, and which of them are refused, copies too."""
+
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -6,24 +10,29 @@ import pytest
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
 from shared.sensor import simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, edited, frame, with_code
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
 from tools.calibration.dark_frames import measure_dark
-from tools.calibration.measure import conclude
+from tools.calibration.frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
+from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
-from tools.commands.calibrate import color_checker_xyz
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)
 FALLING = (1 - 0.3 * np.linspace(0, 1, SHAPE[1]))[None, :, None] * np.ones((SHAPE[0], 1, 3))
 
 
-def darks(count: int) -> list[Mosaic]:
-    return [frame(np.zeros((*SHAPE, 3)), seed=seed) for seed in range(count)]
+def darks(count: int, light: Any = 0.0) -> list[Mosaic]:
+    return [frame(np.broadcast_to(light, (*SHAPE, 3)), seed=seed) for seed in range(count)]
 
 
 def flats(*levels: float) -> list[Mosaic]:
     return [frame(level * FALLING, seed=100 * number + half) for number, level in enumerate(levels) for half in range(2)]
+
+
+def concluded(base: Mosaic, *seen: Any) -> Conclusion:
+    """What dark frames and flat frames, measured, mean for a camera."""
+    return conclude(Observations(base, *seen), REFERENCE)
 
 
 def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
@@ -72,14 +81,12 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     frames = flats(0.02, 0.3, 0.8)
     seen, _ = measure_flats(frames)
     noise = noise_of_flats(seen, BLIND, None)
-    off = np.array([line.read for line in noise.lines]) - np.array(NOISE.read) / FULL
-    error = np.array([line.read_error for line in noise.lines])
-    assert (np.abs(off) < 4 * error).all()
-    assert (error < 0.5 * np.array(NOISE.read) / FULL)[-1]
-    blamed = [line for line in conclude(Observations(frames[0], flats=seen), color_checker_xyz()).warnings if "`dark`" in line]
-    assert len(blamed) == 1
-    known = Observations(frames[0], measure_dark(darks(4)), seen)
-    (unknown,) = conclude(known, color_checker_xyz()).warnings
+    read, error = np.array([(line.read, line.read_error) for line in noise.lines]).T
+    true = np.array(NOISE.read) / FULL
+    assert (np.abs(read - true) < 4 * error).all()
+    assert error[-1] < 0.5 * true[-1]
+    assert sum("; take dark frames (`dark`)" in line for line in concluded(frames[0], None, seen).warnings) == 1
+    (unknown,) = concluded(frames[0], measure_dark(darks(4)), seen).warnings
     assert "gamma was not measured" in unknown
 
 
@@ -115,7 +122,7 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert (dark.black_error > 0.2).all()
     seen, _ = measure_flats(flats(0.02, 0.3, 0.8))
     assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0  # from the flat frames
-    assert "use more gain or more bits" in " ".join(conclude(Observations(frames[0], dark), color_checker_xyz()).warnings)
+    assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
 def test_flats_without_noise_measure_none() -> None:
@@ -130,31 +137,29 @@ def test_texture_does_not_pass_for_noise() -> None:
     variance = 1e-4 * mean + 1e-6
     variance[::9] *= 20
     line = fit_photon_transfer(mean, variance, count)
-    assert line.shot == pytest.approx(1e-4, rel=1e-6)
-    assert line.read == pytest.approx(1e-3, rel=1e-6)
+    assert (line.shot, line.read) == pytest.approx((1e-4, 1e-3), rel=1e-6)
     assert line.shot_error > 0
 
 
-def leaking(light: float | np.ndarray, count: int = 4) -> list[Mosaic]:
-    """Dark frames into which light falls, of 1 where a chart's white is."""
-    return [frame(np.broadcast_to(light, (*SHAPE, 3)), seed=seed) for seed in range(count)]
+CORNER = np.where((np.indices(SHAPE) < np.array([60, 90])[:, None, None]).all(axis=0), 0.02, 0)[..., None]
+LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* cover lens"
 
 
-@pytest.mark.parametrize("light", [0.02, 0.005, (0.0, 0.001, 0.02), (0.02, 0.005, 0.0)])
-def test_light_that_leaks_into_dark_frames_is_told_by_its_colours_and_its_noise(light: float | tuple[float, ...]) -> None:
-    with pytest.raises(InputError, match=r"light fell in: their levels are R .* W .* codes, with a noise of R .* cover lens"):
-        measure_dark(leaking(np.array(light)))
-    with pytest.raises(InputError, match="light fell in"):
-        measure_dark(leaking(np.array(light), 1))
-
-
-def test_light_that_leaks_into_a_corner_is_told_by_its_place() -> None:
-    with pytest.raises(InputError, match="is not dark"):
-        measure_dark(leaking(0.5, 1))
-    corner = np.zeros((*SHAPE, 1))
-    corner[:60, :90] = 0.02
-    with pytest.raises(InputError, match=r"light fell in around row \d+, column \d+: W is .* codes further above"):
-        measure_dark(leaking(corner))
+@pytest.mark.parametrize(
+    ("light", "counts", "words"),
+    [
+        *((light, (1, 4), LEAK) for light in (0.02, 0.005, (0.0, 0.001, 0.02), (0.02, 0.005, 0.0))),
+        (0.5, (1,), "is not dark"),
+        (CORNER, (4,), r"light fell in around row \d+, column \d+: W is .* codes further above"),
+    ],
+)
+def test_light_that_leaks_into_dark_frames_is_told_by_colours_noise_and_place(
+    light: Any, counts: tuple[int, ...], words: str
+) -> None:
+    """Light of 1 is that of a chart's white."""
+    for count in counts:
+        with pytest.raises(InputError, match=words):
+            measure_dark(darks(count, light))
 
 
 def test_what_is_warm_or_offset_is_dark() -> None:
@@ -168,10 +173,8 @@ def test_what_is_warm_or_offset_is_dark() -> None:
 def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
     """With some twenty electrons a pixel, thousands of good ones read less than half by chance."""
     seen, _ = measure_flats(flats(0.002, 0.01))
-    assert seen.dead == ()
-    assert seen.blind > 0.3
-    known = Observations(frame(np.zeros((12, 12, 3))), measure_dark(darks(4)), measure_flats(flats(0.01))[0])
-    warnings = conclude(known, color_checker_xyz()).warnings
+    assert (seen.dead, seen.blind > 0.3) == ((), True)
+    warnings = concluded(frame(np.zeros((12, 12, 3))), measure_dark(darks(4)), measure_flats(flats(0.01))[0]).warnings
     assert any("too dark, or too uneven, to tell dead pixels" in line for line in warnings)
 
 
@@ -179,8 +182,7 @@ def test_a_shadow_on_flats_is_no_list_of_dead_pixels() -> None:
     shadow = np.full((*SHAPE, 3), 0.5)
     shadow[:90, :120] = 0.05
     pair = [with_code(frame(shadow, seed=seed), (200, 300), 262) for seed in range(2)]
-    seen, _ = measure_flats(pair)
-    assert seen.dead == ((200, 300),)
+    assert measure_flats(pair)[0].dead == ((200, 300),)
 
 
 def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
@@ -188,9 +190,60 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
     wrong = replace(BLIND, black_level=tuple(black - 100 for black in BLIND.black_level))
     frames = [Mosaic(each.codes, each.pattern, wrong) for each in flats(0.1, 0.3, 0.8)]
     seen, _ = measure_flats(frames)
-    outcome = conclude(Observations(frames[0], flats=seen), color_checker_xyz())
-    found, errors = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
-    off = (np.array(found.shot) * FULL / 3 - NOISE.shot) / (1.96 * np.array(errors["shot_error"]))
-    assert np.abs(off).max() < 1.5
-    off = (np.array(found.read) * FULL / 3 - NOISE.read) / (1.96 * np.array(errors["read_error"]))
-    assert np.abs(off).max() < 1
+    camera = concluded(frames[0], None, seen).camera
+    for name, most in (("shot", 1.5), ("read", 1)):
+        found, errors = (
+            np.array(each) for each in (getattr(camera.calibration.noise, name), camera.measured["noise"][f"{name}_error"])
+        )
+        assert (np.abs(found * FULL / 3 - getattr(NOISE, name)) < most * 1.96 * errors).all()
+
+
+SMALL = (120, 180)
+RANDOM = np.random.default_rng(0)
+LEVELS = {"dark": (0.0, DARK_ALIKE), "flat": (0.5, FLAT_ALIKE)}
+EDITS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "the same": lambda codes: codes,
+    "some pixels": lambda codes: np.where(RANDOM.random(codes.shape) < 0.02, 300, codes),
+    "scaled": lambda codes: 1.02 * codes,
+    "one code more": lambda codes: codes + 1,
+    "tenth of the codes off by one": lambda codes: codes + (RANDOM.random(codes.shape) < 0.1),
+    "less than rounding": lambda codes: codes + RANDOM.uniform(-0.6, 0.6, codes.shape),
+    "other light": lambda codes: codes + np.linspace(0, 30, codes.shape[1]),
+    "rows of their own": lambda codes: codes + RANDOM.normal(0, 3, (codes.shape[0], 1)),
+}
+
+
+def taken(level: float, seed: int) -> Mosaic:
+    return frame(np.full((*SMALL, 3), level), seed=seed)
+
+
+@pytest.mark.parametrize("kind", LEVELS)
+@pytest.mark.parametrize("edit", EDITS)
+def test_a_copy_is_refused_whatever_was_done_to_it(kind: str, edit: str) -> None:
+    level, alike = LEVELS[kind]
+    first = taken(level, 1)
+    frames = [("a.dng", first), ("b.dng", taken(level, 2)), ("c.dng", edited(first, EDITS[edit]))]
+    with pytest.raises(InputError, match=r"c.dng and a.dng have the same noise"):
+        refuse_copies(frames, alike)
+
+
+@pytest.mark.parametrize("kind", LEVELS)
+def test_frames_taken_one_by_one_pass_with_their_fixed_pattern(kind: str) -> None:
+    level, alike = LEVELS[kind]
+    hot = RANDOM.random(SMALL) < 0.002
+    columns, response = RANDOM.normal(0, 2, SMALL[1]), RANDOM.normal(1, 0.01, SMALL)
+
+    def pattern(codes: np.ndarray) -> np.ndarray:
+        return np.where(hot, 900, 256 + (codes - 256) * response + columns)
+
+    refuse_copies([(str(seed), edited(taken(level, seed), pattern)) for seed in range(4)], alike)
+
+
+def test_small_frames_and_frames_without_noise() -> None:
+    tiny = [(str(seed), frame(np.full((8, 8, 3), 0.5), seed=seed)) for seed in range(3)]
+    refuse_copies(tiny, FLAT_ALIKE)
+    black = Mosaic(np.full(SMALL, 256, np.uint16), CfaPattern.bayer(), BLIND)
+    with pytest.raises(InputError, match="same noise"):
+        refuse_copies([("a", black), ("b", black)], DARK_ALIKE)
+    with pytest.raises(InputError, match="180 x 120 pixels, 0 8 x 8"):
+        refuse_copies([tiny[0], ("b", black)], DARK_ALIKE)

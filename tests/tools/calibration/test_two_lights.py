@@ -17,12 +17,10 @@ from shared.colorimetry import encode_srgb, xyz_to_lab
 from shared.colour_difference import delta_e_2000
 from shared.white_balance import balanced
 from tests.sensitivities import CAMERAS, readings
-from tests.tools.calibration.known_camera import frame, save, true_place
+from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
 from tests.tools.command import run
 from tools.calibration.colour_matrix import GREYS, fit_colour
-from tools.commands.calibrate import color_checker_xyz
 
-REFERENCE = color_checker_xyz()
 CELLS = true_place().cells
 THIRD = "3200", "4000", "5000"
 BAR = 1.3  # mean dE2000 under a third light, over that of a matrix fitted there

@@ -1,4 +1,4 @@
-"""Examples: repeatable, aligned with the truth, and kept whole."""
+"""Drawn scenes, with what photographs show too rarely, and examples: repeatable, aligned with the truth, and kept whole."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern
+from tools.training.drawings import SIZE, colour, drawing
 from tools.training.examples import DRAWN, load_example, make_example, save_example, varied
 
 SMALL = "builtin:200x150"
@@ -56,3 +57,20 @@ def test_an_example_survives_the_disk(tmp_path: Path) -> None:
     again = load_example(path)
     assert all(np.array_equal(getattr(found, name), getattr(again, name)) for name in vars(found))
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_drawings_are_light() -> None:
+    for seed in range(6):
+        found = drawing(np.random.default_rng(seed))
+        assert found.shape == (SIZE, SIZE, 3)
+        assert found.dtype == np.float32
+        assert 0 < found.min() <= found.max() <= 1.001
+
+
+def test_colours_are_grey_saturated_or_between() -> None:
+    random = np.random.default_rng(0)
+    found = np.array([colour(random) for _ in range(600)])
+    saturation = 1 - found.min(axis=1) / found.max(axis=1)
+    assert 0.2 < (saturation == 0).mean() < 0.45
+    assert (saturation > 0.8).mean() > 0.2
+    assert (found > 0).all()

@@ -1,4 +1,4 @@
-"""A short training: it learns, goes on where it stopped, and writes what the render runs. Needs PyTorch, which CI has not."""
+"""Short trainings of both networks: they learn, go on where they stopped, and write what the render runs. PyTorch is not in CI."""
 
 import json
 import subprocess
@@ -10,10 +10,12 @@ import pytest
 
 from offline.kernels.cells import STATE, describe, survey
 from offline.rows.learned import REACH
+from offline.whole.filling import SIDE
 from shared import CfaPattern
 from shared.errors import InputError
 from shared.networks import load_network
 from shared.progress import SILENT
+from shared.runtime import session
 from tests.data import ROOT
 from tools.pictures.samples import quantise
 from tools.scenes.load import load_scene
@@ -21,7 +23,9 @@ from tools.scenes.load import load_scene
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'panchroma[training]'")
 
 from tools.training import run  # noqa: E402
+from tools.training.examples import DRAWN  # noqa: E402
 from tools.training.graph import save_graph  # noqa: E402
+from tools.training.luminance import examples, learn, save  # noqa: E402
 from tools.training.network import BLOCKS, Network, cells_of, features  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
@@ -158,3 +162,15 @@ def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...]
         )  # fmt: skip
         assert refused.returncode == 2
         assert answer in refused.stderr
+
+
+@pytest.mark.parametrize("sites", [3, 4])
+def test_what_corrects_filled_luminance_is_learned_and_written(sites: int, tmp_path: Path) -> None:
+    sources, said = [DRAWN] * 11, list[str]()  # the last one is kept back
+    network = learn([examples(source, number, sites) for number, source in enumerate(sources)], sources, 150, said.append)
+    assert 0.5 < float(said[-1].split()[3]) < 0.99
+    save(network, tmp_path / "luminance.onnx")
+    seen = np.random.default_rng(0).normal(size=(5, SIDE**2 + 1)).astype(np.float32)
+    (found,) = session(tmp_path / "luminance.onnx").run(None, {"seen": seen})
+    assert found.shape == (5, sites)
+    assert found == pytest.approx(network(torch.from_numpy(seen)).detach().numpy(), abs=1e-4)

@@ -14,8 +14,7 @@ from shared.lights import CalibratedLight
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled
 from ..colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
-from ..page import css_colours, table
-from ..part import Evidence, Part
+from ..part import Evidence, Part, css_colours, table
 from ..reference import ti3
 from ..samples import figures
 from .gamma import coloured_light

@@ -3,8 +3,7 @@
 from html import escape
 
 from ..noise import SIGMAS
-from ..page import table
-from ..part import Evidence, Part, rounded
+from ..part import Evidence, Part, rounded, table
 
 _MANY = 1e-3  # of the pixels
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones

@@ -14,8 +14,7 @@ from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS
 from ..gamma import GammaFit, check_determined
 from ..observations import Observations, ShotMeasurement
-from ..page import axes, css_colours, patch_style, table
-from ..part import Evidence, Part, rounded
+from ..part import Evidence, Part, axes, css_colours, rounded, table
 from ..samples import figures
 
 CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
@@ -207,6 +206,7 @@ def _residuals(fits: Sequence[tuple[ShotMeasurement, GammaFit, bool]], colours: 
             name = NAMES[index] if chart else "block"
             dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
             text = f"{shot.name}, {name}: measured {fit.level[index]:.4f}, {percent[index]:+.2f} %{note}"
-            style = patch_style(colours[index]) + dashes if chart else "fill:var(--soft);fill-opacity:.35"
-            plot.dot(fit.level[index], float(np.clip(percent[index], -high, high)), 5 if chart else 2, text, style)
+            patch = f"fill:{colours[index]};stroke:var(--ink);stroke-width:.6{dashes}"
+            size, style = (5, patch) if chart else (2, "fill:var(--soft);fill-opacity:.35")
+            plot.dot(fit.level[index], float(np.clip(percent[index], -high, high)), size, text, style)
     return figure(plot.drawn("Residuals of luminance"), "Places beyond the axis are drawn at its ends.")

@@ -8,8 +8,7 @@ from tools.pictures.html import figure
 
 from ..dark_frames import DarkResult
 from ..noise import SIGMAS, NoiseResult, noise_of_flats
-from ..page import axes, plane_colour, table
-from ..part import Evidence, Part, rounded
+from ..part import Evidence, Part, axes, plane_colour, rounded, table
 from .gamma import black_error
 
 _GOOD_READ = 0.05  # half width over read noise
