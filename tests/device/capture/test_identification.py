@@ -17,7 +17,6 @@ from tests.scenes import leaves
 
 SCENE = leaves(160, 216)
 LARGE = leaves(256, 320)
-PAPERS = ("K=3", "K=4", "K=5", "K=7", "K=8", "K=9", "K=10", "K=11", "K=12", "K=13", "K=14", "K=15", "K=16")
 SPARSE = "RWWGWW/WWWWWW/WWWWWW/GWWBWW/WWWWWW/WWWWWW"
 
 
@@ -50,42 +49,31 @@ def picture(name: str) -> FloatArray:
     return np.asarray(imagecodecs.png_decode(photograph(name).read_bytes()) / 65535, np.float32)
 
 
-@pytest.mark.parametrize("name", [*TILES, "K=4"])
-def test_every_tile_with_a_name_is_found_wherever_it_begins(name: str) -> None:
-    period = CfaPattern.of_letters(name).period
-    for origin in ((row, (3 * row + 1) % period) for row in range(period)):
-        identity = identify(taken(SCENE, tile_of(name, origin)))
-        assert identity.name == name, origin
-        assert same_sites(identity.tile, tile_of(name, origin)), origin
-        assert identity.pattern.letters_from() == identity.tile
-        assert identity.light.shape == (period, period)
-
-
-@pytest.mark.parametrize("name", PAPERS)
-def test_the_papers_block_is_found_at_every_period(name: str) -> None:
-    period = int(name[2:])
-    for order, origin in (("RGGB", (1, period - 1)), ("GRBG", (period - 2, 0))):
-        tile = CfaPattern.bayer(period, order, origin).letters_from()
-        identity = identify(taken(LARGE, tile))
-        assert identity.name == name
-        assert same_sites(identity.tile, tile)
-
-
-@pytest.mark.parametrize("name", DENSE)
-def test_tiles_without_panchromatic_pixels_are_named_and_have_no_pattern(name: str) -> None:
-    for origin in ((0, 0), (0, 1), (1, 0), (3, 2)):
-        identity = identify(taken(SCENE, tile_of(DENSE[name], origin)))
-        assert (identity.name, identity.pattern) == (name, None)
-        assert same_sites(identity.tile, tile_of(DENSE[name], origin))
-
-
 @pytest.mark.parametrize(
-    ("letters", "channels"), [(SPARSE, "RGB"), ("CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"), ("RWWG/WWWW/WBWW/WWWW", "RGB")]
+    ("name", "letters", "channels"),
+    [
+        *((name, name, "RGB") for name in TILES),
+        *((f"K={period}", f"K={period}", "RGB") for period in (3, 4, 5, *range(7, 17))),
+        *((f"K={period}", "/".join(CfaPattern.bayer(period, "GRBG").tile), "RGB") for period in (3, 4, 5, *range(7, 17))),
+        *((name, letters, "RGB") for name, letters in DENSE.items()),
+        *(("", letters, "RGB") for letters in (SPARSE, "RWWG/WWWW/WBWW/WWWW")),
+        ("", "CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"),
+    ],
 )
-def test_a_tile_without_a_name_shows_which_sites_are_alike(letters: str, channels: str) -> None:
-    identity = identify(taken(LARGE, tile_of(letters, (2, 3)), channels=channels))
-    assert (identity.name, identity.pattern) == ("", None)
-    assert same_sites(identity.tile, tile_of(letters, (2, 3)))
+def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channels: str) -> None:
+    """Those without panchromatic pixels have no pattern; those without a name show which sites are alike."""
+    period = len(tile_of(letters))
+    rows = range(period) if period <= 6 else (1, period - 2)
+    for origin in ((row, (3 * row + 1) % period) for row in rows) if name else [(2, 3)]:
+        tile = tile_of(letters, origin)
+        identity = identify(taken(SCENE if name and period <= 6 else LARGE, tile, channels=channels))
+        assert identity.name == name, origin
+        assert same_sites(identity.tile, tile), origin
+        assert identity.light.shape == (period, period)
+        if name in ("", *DENSE):
+            assert identity.pattern is None
+        else:
+            assert identity.pattern.letters_from() == identity.tile
 
 
 @pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])

@@ -3,6 +3,7 @@ import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -18,54 +19,45 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_shot_is_named_by_its_time_and_a_counter(tmp_path: Path) -> None:
-    shots = ShotFolder(tmp_path)
-    first = shots.save(mosaic(), preview(), TAKEN)
-    second = shots.save(mosaic(), preview(), TAKEN.astimezone(timezone(timedelta(hours=9))))
+def save(shots: ShotFolder, taken: datetime = TAKEN) -> Path:
+    return shots.save(mosaic(), preview(), taken)
+
+
+def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(tmp_path: Path) -> None:
+    first = save(ShotFolder(tmp_path))
     assert first == tmp_path / "20260309T070501.020Z-000001.dng"
-    assert second.name == "20260309T070501.020Z-000002.dng"
     assert same(read_dng(first), mosaic())
-
-
-def test_the_counter_goes_on_after_a_restart_with_a_clock_that_went_back(tmp_path: Path) -> None:
-    for time in (TAKEN, TAKEN):
-        ShotFolder(tmp_path).save(mosaic(), preview(), time)
+    there = save(ShotFolder(tmp_path), TAKEN.astimezone(timezone(timedelta(hours=9))))
+    assert there.name == "20260309T070501.020Z-000002.dng"
     (tmp_path / "20260309T070501.020Z-000090.dng.txt").touch()  # not a shot
     (tmp_path / "90.dng").touch()
-    early = ShotFolder(tmp_path).save(mosaic(), preview(), datetime(1970, 1, 1, tzinfo=UTC))
-    assert early.name == "19700101T000000.000Z-000003.dng"
+    assert save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC)).name == "19700101T000000.000Z-000003.dng"
     (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
-    assert ShotFolder(tmp_path).save(mosaic(), preview(), TAKEN).name.endswith("Z-1000001.dng")
+    assert save(ShotFolder(tmp_path)).name.endswith("Z-1000001.dng")
 
 
 def test_another_camera_in_the_folder_loses_nothing(tmp_path: Path) -> None:
     one, other = ShotFolder(tmp_path), ShotFolder(tmp_path)
-    saved = [each.save(mosaic(), preview(), TAKEN) for each in (one, other, one, other)]
+    saved = [save(each) for each in (one, other, one, other)]
     assert len(set(saved)) == 4
     assert len(names(tmp_path)) == 4
 
 
-def test_a_burst_has_one_name_and_one_count(tmp_path: Path) -> None:
-    shots = ShotFolder(tmp_path)
-    save = shots.burst(10, TAKEN)
-    saved = [save(mosaic(), preview()).name for _ in range(2)]
-    assert saved == ["20260309T070501.020Z-000001-01.dng", "20260309T070501.020Z-000001-02.dng"]
-    assert ShotFolder(tmp_path).save(mosaic(), preview(), TAKEN).name == "20260309T070501.020Z-000002.dng"
-
-
-def test_bursts_of_two_cameras_have_names_of_their_own(tmp_path: Path) -> None:
-    one, other = (ShotFolder(tmp_path).burst(2, TAKEN) for _ in range(2))
-    saved = [save(mosaic(), preview()).name for save in (one, other, other, one)]
-    assert [name[-12:] for name in saved] == ["000001-1.dng", "000002-1.dng", "000002-2.dng", "000001-2.dng"]
+def test_bursts_of_two_cameras_have_one_name_and_one_count_each(tmp_path: Path) -> None:
+    one, other = (ShotFolder(tmp_path).burst(10, TAKEN) for _ in range(2))
+    saved = [frame(mosaic(), preview()).name for frame in (one, other, other, one)]
+    endings = ("000001-01", "000002-01", "000002-02", "000001-02")
+    assert saved == [f"20260309T070501.020Z-{ending}.dng" for ending in endings]
     assert names(tmp_path) == sorted(saved)
+    assert save(ShotFolder(tmp_path)).name == "20260309T070501.020Z-000003.dng"
 
 
 def test_a_later_frame_of_a_burst_replaces_no_file(tmp_path: Path) -> None:
-    save = ShotFolder(tmp_path).burst(2, TAKEN)
-    save(mosaic(), preview())
+    frame = ShotFolder(tmp_path).burst(2, TAKEN)
+    frame(mosaic(), preview())
     (tmp_path / "20260309T070501.020Z-000001-2.dng").write_text("precious")
     with pytest.raises(OutputError, match=r"000001-2\.dng: exists already"):
-        save(mosaic(), preview())
+        frame(mosaic(), preview())
     assert (tmp_path / "20260309T070501.020Z-000001-2.dng").read_text() == "precious"
 
 
@@ -77,7 +69,7 @@ def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
     shots = ShotFolder(folder, link)
     assert not link.exists()
     for _ in range(2):
-        path = shots.save(mosaic(), preview(), TAKEN)
+        path = save(shots)
         assert link.resolve() == path
     assert not link.readlink().is_absolute()
     assert names(elsewhere) == ["latest.dng"]
@@ -90,36 +82,31 @@ def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> Non
     (tmp_path / "deep" / "shots").mkdir(parents=True)
     (tmp_path / "short").symlink_to("deep/shots")
     link = tmp_path / "short" / "latest.dng"
-    path = ShotFolder(tmp_path / "short", link).save(mosaic(), preview(), TAKEN)
+    path = save(ShotFolder(tmp_path / "short", link))
     assert link.resolve() == path.resolve()
 
 
-def test_an_old_link_stays_until_there_is_a_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("method", "error", "words"),
+    [
+        ("replace", OSError(errno.EIO, "Input/output error"), "cannot be made: Input/output error"),
+        ("symlink_to", PermissionError(errno.EPERM, "Operation not permitted"), "cannot be made: .* has no symbolic links"),
+    ],
+)
+def test_an_old_link_stays_until_there_is_a_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, error: OSError, words: str
+) -> None:
     link = tmp_path / "latest.dng"
     link.symlink_to("gone.dng")  # a broken link is a link
-
-    def fail(*_: object) -> None:
-        raise OSError(errno.EIO, "Input/output error")
-
     shots = ShotFolder(tmp_path, link)
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", fail)
-        with pytest.raises(OutputError, match=r"latest\.dng: the link to the latest shot cannot be made: Input/output error"):
-            shots.save(mosaic(), preview(), TAKEN)
+        patch.setattr(Path, method, Mock(side_effect=error))
+        with pytest.raises(OutputError, match=rf"latest\.dng: the link to the latest shot {words}"):
+            save(shots)
     assert link.readlink() == Path("gone.dng")
     assert names(tmp_path) == ["20260309T070501.020Z-000001.dng", "latest.dng"]
-    shots.save(mosaic(), preview(), TAKEN)
+    save(shots)
     assert link.readlink() == Path("20260309T070501.020Z-000002.dng")
-
-
-def test_a_file_system_without_links_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
-        raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    shots = ShotFolder(tmp_path, tmp_path / "latest.dng")
-    monkeypatch.setattr(Path, "symlink_to", fail)
-    with pytest.raises(OutputError, match="has no symbolic links"):
-        shots.save(mosaic(), preview(), TAKEN)
 
 
 def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_path: Path, full_disk: Callable[..., None]) -> None:
@@ -127,9 +114,9 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_
     shots = ShotFolder(tmp_path, link)
     full_disk(times=1)
     with pytest.raises(OutputError, match="the disk is full"):
-        shots.save(mosaic(), preview(), TAKEN)
+        save(shots)
     assert names(tmp_path) == []
-    shots.save(mosaic(), preview(), TAKEN)
+    save(shots)
     assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]
 
 
