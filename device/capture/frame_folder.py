@@ -48,13 +48,14 @@ def watch_folder(
         new = sorted((entry for entry in now.items() if done.get(entry[0]) != entry[1]), key=lambda entry: (entry[1][1], entry[0]))
         for path, state in new:
             lasted = time.monotonic() - since.get((path, state), math.inf)  # -inf: changed since the scan before
-            if lasted >= 0 and state[0] == layout.frame_bytes:
+            if lasted > _PATIENCE or (lasted >= 0 and state[0] == layout.frame_bytes):
                 done[path] = state
-                if (frame := _read(path, state, refused)) is not None:
+                try:
+                    frame = _read(path, state, layout)
+                except InputError as error:
+                    refused(error)
+                else:
                     yield frame
-            elif lasted > _PATIENCE:
-                done[path] = state
-                refused(InputError(f"{path}: {layout.misfit(state[0])}"))
         since = {entry: since.get(entry, time.monotonic()) for entry in new}
         time.sleep(_POLL)
 
@@ -76,17 +77,19 @@ def _scan(folder: Path) -> dict[Path, _State]:
     return found
 
 
-def _read(path: Path, state: _State, refused: Callable[[InputError], None]) -> RawFrame | None:
+def _read(path: Path, state: _State, layout: FrameLayout) -> RawFrame:
+    """The frame that a file in this state is. Raises InputError if it is none, or cannot be read."""
+    size, changed = state
+    if size != layout.frame_bytes:
+        raise InputError(f"{path}: {layout.misfit(size)}")
     try:
         with path.open("rb") as file:
-            data = file.read(state[0] + 1)  # it may have grown meanwhile: one byte more, and it is refused
+            data = file.read(size + 1)  # it may have grown meanwhile: one byte more, and it is refused
     except OSError as error:
-        refused(InputError(f"{path}: cannot be read ({error.strerror or error})"))
-        return None
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     try:
-        taken = datetime.fromtimestamp(state[1] / 1e9, UTC)
+        taken = datetime.fromtimestamp(changed / 1e9, UTC)
         taken.astimezone()  # local time, which the file states too, may lie beyond the last year
     except (ValueError, OverflowError, OSError):
-        refused(InputError(f"{path}: its time of change is in no year from 1 to 9999; set it: touch {path.name}"))
-        return None
+        raise InputError(f"{path}: its time of change is in no year from 1 to 9999; set it: touch {path.name}") from None
     return RawFrame(data, taken, time.monotonic(), str(path))

@@ -12,6 +12,7 @@ Where colour sites are scattered the tile is the block, with panchromatic pixels
 from the nearest of them alone, and the differences are those across the sites.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -122,7 +123,7 @@ class Geometry:
     @cached_property
     def window(self) -> tuple[range, range]:
         """(rows, columns) that the probes read, counted from the origin of a block."""
-        used = np.array([place for probe in self._probes for place in probe])
+        used = np.array([place for kind in self._probes for probe in kind for place in probe])
         rows, columns = (range(int(axis.min()), int(axis.max()) + 1) for axis in used.T)
         return rows, columns
 
@@ -142,8 +143,9 @@ class Geometry:
         every pixel of the picture, measured from the block at the nearest corner of its patch.
         """
         rows, columns = self.window
-        weights = np.zeros((len(self._probes), len(rows), len(columns)), np.float32)
-        for number, probe in enumerate(self._probes):
+        probes = [probe for kind in self._probes for probe in kind]
+        weights = np.zeros((len(probes), len(rows), len(columns)), np.float32)
+        for number, probe in enumerate(probes):
             for (row, column), weight in probe.items():
                 weights[number, row - rows.start, column - columns.start] = weight
         return weights
@@ -151,9 +153,7 @@ class Geometry:
     @property
     def kinds(self) -> tuple[int, ...]:
         """Number of probes of each kind, in the order of `probes`."""
-        readings = len(self.readings)
-        kinds = readings, readings, len(self._steps(1)), len(self._steps(0)), readings
-        return (*kinds, len(self.pixels)) if self.has_pixel_probes else kinds
+        return tuple(map(len, self._probes))
 
     @property
     def halo(self) -> tuple[int, int, int, int]:
@@ -204,13 +204,14 @@ class Geometry:
         return Surroundings(self.pattern)
 
     @cached_property
-    def _probes(self) -> list[dict[Place, float]]:
+    def _probes(self) -> list[list[dict[Place, float]]]:
         readings = [[(row, column) for row, column, _ in sites] for sites in self.readings]
+        pixels = [[self._pixel_sum(number) for number in range(len(self.pixels))]] if self.has_pixel_probes else []
         return [
-            *(self._mean_interpolation(sites, axis) for axis in (1, 0) for sites in readings),
-            *(step for axis in (1, 0) for step in self._steps(axis)),
-            *(dict.fromkeys(sites, 1.0) for sites in readings),
-            *(self._pixel_sum(number) for number in range(len(self.pixels)) if self.has_pixel_probes),
+            *([self._mean_interpolation(sites, axis) for sites in readings] for axis in (1, 0)),
+            *(self._steps(axis) for axis in (1, 0)),
+            [dict.fromkeys(sites, 1.0) for sites in readings],
+            *pixels,
         ]
 
     @property
@@ -244,10 +245,9 @@ class Geometry:
 
     def _slope(self, axis: int) -> dict[Place, float]:
         """Weights of the sum of all differences across scattered sites, in which many cancel each other."""
-        ends: dict[Place, float] = {}
-        for before, after in self._around.differences(axis):
-            ends[before] = ends.get(before, 0.0) - 1
-            ends[after] = ends.get(after, 0.0) + 1
+        pairs = self._around.differences(axis)
+        ends = Counter(after for _, after in pairs)
+        ends.subtract(before for before, _ in pairs)
         left = {place: sign for place, sign in ends.items() if sign}
         unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT  # as much in all as four corners
         return {place: sign * unit for place, sign in left.items()}

@@ -47,16 +47,15 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
     channels = g.channels
+    sizes: dict[str, Shape] = {contract.BLACK: [channels + 1], contract.SCALE: [channels + 1], contract.GAMMA: [channels]}
+    sizes[contract.NOISE] = [2]
+    if not g.linear:
+        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
-        contract.BLACK: (FLOAT, [channels + 1]),
-        contract.SCALE: (FLOAT, [channels + 1]),
-        contract.GAMMA: (FLOAT, [channels]),
-        contract.NOISE: (FLOAT, [2]),
+        **{name: (FLOAT, size) for name, size in sizes.items()},
     }
-    if not g.linear:
-        inputs |= {contract.WHITE: (FLOAT, [channels]), contract.MATRIX: (FLOAT, [3, channels])}
-    output: dict[str, tuple[int, Shape]] = {contract.PICTURE: (FLOAT if g.linear else UINT8, ["height", "width", g.shown])}
+    output: tuple[int, Shape] = (FLOAT if g.linear else UINT8, ["height", "width", g.shown])
     facts = {
         "contract": contract.VERSION,
         "builder": BUILDER,
@@ -67,4 +66,4 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         "halo": " ".join(map(str, g.geometry.halo)),
     }
     metadata = {f"panchroma.{name}": fact for name, fact in facts.items()}
-    return g.to_bytes(picture, inputs, output, ("panchroma", BUILDER), metadata)
+    return g.to_bytes(picture, inputs, (contract.PICTURE, *output), ("panchroma", BUILDER), metadata)

@@ -71,7 +71,7 @@ class Nodes:
         self,
         result: str,
         inputs: Mapping[str, tuple[int, Shape]],
-        outputs: Mapping[str, tuple[int, Shape]],
+        output: tuple[str, int, Shape],
         producer: tuple[str, str],
         metadata: Mapping[str, str],
     ) -> bytes:
@@ -79,19 +79,18 @@ class Nodes:
 
         result: name of the result that is the output.
         inputs: (type, shape) of each input, by name.
-        outputs: (type, shape) of the one output, by name.
+        output: name, type and shape of the output.
         producer: name and version of the program that wrote the graph.
         metadata: texts that are kept in the file.
         """
-        (output,) = outputs
         constants = [_message({1: shape, 2: kind, 8: name, 9: data}) for (kind, shape, data), name in self._constants.items()]
         graph = _message(
             {
-                1: [*self._nodes, _message({1: result, 2: output, 3: output, 4: "Identity"})],
+                1: [*self._nodes, _message({1: result, 2: output[0], 3: output[0], 4: "Identity"})],
                 2: "preview",
                 5: constants,
                 11: [_described(name, *each) for name, each in inputs.items()],
-                12: [_described(name, *each) for name, each in outputs.items()],
+                12: _described(*output),
             }
         )
         texts = [_message({1: name, 2: text}) for name, text in metadata.items()]

@@ -1,10 +1,11 @@
 import gc
 import os
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from device.capture import Refused, Saved, Sensor, capture, capture_burst
 from device.capture.frame_queue import FrameQueue
 from device.capture.frames import FrameLayout, RawFrame
 from device.capture.shots import ShotFolder
+from device.capture.white_balance import SteadyWhite
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview
 from shared.errors import InputError, OutputError
 from tests.device.packer import pack, random_codes
+from tests.shared.test_white_balance import LIGHT, shot
 
 SIZE = (26, 32)
 CALIBRATION = SensorCalibration.of_bits(10, headroom=False)
@@ -35,25 +38,26 @@ def frame(seed: int, sensor: Sensor = SENSOR, source: str = "") -> RawFrame:
     return RawFrame(pack(codes, sensor.layout.format, sensor.layout.stride), TAKEN, 0.0, source)
 
 
-def test_a_frame_becomes_a_shot_with_everything_that_is_known(tmp_path: Path) -> None:
-    seen: list[Mosaic] = []
-
-    def look(mosaic: Mosaic) -> ByteArray:
-        seen.append(mosaic)
-        return grey(mosaic)
-
-    saved = list(capture(map(frame, range(3)), SENSOR, look, ShotFolder(tmp_path)))
-    for seed, each in enumerate(saved):
+def shots_of(outcomes: Iterable[Saved | Refused]) -> list[Mosaic]:
+    """The shots of frames 0, 1, 2 ..., all of which were saved."""
+    shots = []
+    for seed, each in enumerate(outcomes):
         assert isinstance(each, Saved)
         assert min(each.preview, each.write) > 0
-        shot = read_dng(each.path)
-        assert np.array_equal(shot.codes, random_codes(SIZE, 10, seed))
-        assert np.array_equal(shot.codes, seen[seed].codes)
-        assert shot.pattern == SENSOR.pattern
-        assert shot.calibration == CALIBRATION
-        assert shot.metadata.taken == TAKEN.astimezone().replace(tzinfo=None)
         assert read_preview(each.path).startswith(b"\xff\xd8")
-    assert len(list(tmp_path.iterdir())) == 3
+        shots.append(read_dng(each.path))
+        assert np.array_equal(shots[-1].codes, random_codes(SIZE, 10, seed))
+    return shots
+
+
+def test_a_frame_becomes_a_shot_with_everything_that_is_known(tmp_path: Path) -> None:
+    look = Mock(side_effect=grey)
+    shots = shots_of(capture(map(frame, range(3)), SENSOR, look, ShotFolder(tmp_path)))
+    for saved, call in zip(shots, look.call_args_list, strict=True):
+        assert np.array_equal(saved.codes, call.args[0].codes)
+        assert (saved.pattern, saved.calibration) == (SENSOR.pattern, CALIBRATION)
+        assert saved.metadata.taken == TAKEN.astimezone().replace(tzinfo=None)
+    assert len(shots) == len(list(tmp_path.iterdir())) == 3
 
 
 def test_a_frame_that_does_not_fit_is_refused_and_the_rest_go_on(tmp_path: Path) -> None:
@@ -77,14 +81,22 @@ def test_a_burst_is_in_memory_before_the_first_frame_is_saved(tmp_path: Path) ->
             given.append(len(list(tmp_path.iterdir())))
             yield frame(seed)
 
-    saved = list(capture_burst(frames(), 3, SENSOR, grey, ShotFolder(tmp_path)))
+    shots = shots_of(capture_burst(frames(), 3, SENSOR, grey, ShotFolder(tmp_path)))
     assert given == [0, 0, 0]
-    assert [each.path.name for each in saved if isinstance(each, Saved)] == [
-        f"20260309T070501.000Z-000001-{number}.dng" for number in (1, 2, 3)
-    ]
-    for seed, each in enumerate(saved):
-        assert isinstance(each, Saved)
-        assert np.array_equal(read_dng(each.path).codes, random_codes(SIZE, 10, seed))
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"20260309T070501.000Z-000001-{number}.dng" for number in (1, 2, 3)]
+    assert len(shots) == 3
+
+
+def test_a_burst_has_the_white_of_its_first_frame(tmp_path: Path) -> None:
+    first, second = shot(LIGHT), shot((1.0, 0.7, 0.3))
+    layout = FrameLayout(first.shape[1], first.shape[0], "u16")
+    frames = [RawFrame(pack(each.codes, "u16"), TAKEN, 0.0) for each in (first, second)]
+    sensor = Sensor(layout, first.pattern, first.calibration)
+    saved = [each.path for each in capture_burst(frames, 2, sensor, grey, ShotFolder(tmp_path)) if isinstance(each, Saved)]
+    white = SteadyWhite()(first).calibration.neutral
+    neutrals = [read_dng(path).calibration.neutral for path in saved]
+    assert neutrals[0] == neutrals[1] == pytest.approx(white, abs=1e-4)
 
 
 def test_of_a_burst_with_a_frame_that_does_not_fit_nothing_is_saved(tmp_path: Path) -> None:
@@ -96,13 +108,6 @@ def test_of_a_burst_with_a_frame_that_does_not_fit_nothing_is_saved(tmp_path: Pa
     assert outcome.reason.startswith("frames/7.raw: 2 bytes are not a frame")
     assert outcome.reason.endswith("; none of the burst's 3 frames is saved")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_burst_has_one_white(tmp_path: Path) -> None:
-    saved = list(capture_burst(map(frame, range(3)), 3, SENSOR, grey, ShotFolder(tmp_path)))
-    one, *others = [read_dng(each.path).calibration for each in saved if isinstance(each, Saved)]
-    assert one.neutral_estimated or one.neutral is None
-    assert others == [one, one]
 
 
 def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk: Callable[[], None]) -> None:

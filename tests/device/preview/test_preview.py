@@ -63,14 +63,14 @@ def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
 
 @pytest.mark.parametrize("scale", [2, 3])
 def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
-    """The centre of an edge's step is where the full picture has it, to half a cell."""
+    """The centre of an edge's step is where the full picture has it, to half a cell, wherever the tile begins."""
     for column in range(20, 27):
         scene = np.full((30, 60, 3), 0.1, np.float32)
         scene[:, column:] = 0.9
-        mosaic = simulate_additive(scene, CfaPattern.bayer(6, origin=(3, 5)), SensorCalibration(), 0, np.random.default_rng(0))
+        mosaic = simulate_additive(scene, CfaPattern.bayer(6, origin=(3, column)), SensorCalibration(), 0, np.random.default_rng(0))
         light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[5, :, 1]
         edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
-        assert abs(edge - column) <= scale / 2 + 0.1
+        assert abs(edge - column) <= scale / 2 + 0.35
 
 
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
