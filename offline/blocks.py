@@ -29,7 +29,7 @@ class Sites:
     >>> pattern = CfaPattern.bayer(6)
     >>> sites = Sites(pattern, pattern.grid((13, 20)))
     >>> sites.shape, sites.of(np.zeros((13, 20))).shape
-    ((2, 3), (2, 3, 4))
+    ((2, 4), (2, 4, 4))
     """
 
     pattern: CfaPattern

@@ -64,7 +64,7 @@ def temperature(white: Chromaticity) -> float:
 
     >>> from shared.lights import ILLUMINANTS, temperature
     >>> [round(temperature(ILLUMINANTS[name])) for name in ("A", "D50", "D65")]
-    [2857, 5001, 6505]
+    [2857, 5002, 6505]
     """
     x, y = white
     # Redder light than of 1620 K counts as such, and deep blue as very hot: beyond, the polynomial would turn.

@@ -99,7 +99,7 @@ class CfaPattern:
 
         >>> from shared import CfaPattern
         >>> CfaPattern.of_letters("RG/BW").tile
-        ('RGBW', ...)
+        ('RGRG', 'BWBW', 'RGRG', 'BWBW')
         >>> CfaPattern.of_letters("kodak").tile
         ('WBWG', 'BWGW', 'WGWR', 'GWRW')
         """

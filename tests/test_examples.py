@@ -1,6 +1,7 @@
-"""Every public name of the libraries, and of `panchroma` above them, shows its use in its docstring, and the example is true."""
+"""Every public name of the libraries, and of `panchroma` above them, shows its use in its docstring; all examples are true."""
 
 import doctest
+from importlib import import_module
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -10,21 +11,26 @@ import device
 import offline
 import panchroma
 import shared
+from tests.test_architecture import sources
 
 PUBLIC = [(module, name) for module in (shared, device, offline, panchroma) for name in module.__all__]
 EXAMPLES = [(module, name) for module, name in PUBLIC if isinstance(getattr(module, name), FunctionType | type)]
 
 
 @pytest.mark.parametrize(("module", "name"), EXAMPLES, ids=[f"{module.__name__}.{name}" for module, name in EXAMPLES])
-def test_a_public_name_has_an_example_that_runs(
-    module: ModuleType, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.chdir(tmp_path)  # examples may write files
-    documented = getattr(module, name)
-    examples = doctest.DocTestFinder(recurse=False).find(documented, name, globs={})
-    assert any(test.examples for test in examples), f"{module.__name__}.{name} has no example in its docstring"
+def test_a_public_name_has_an_example(module: ModuleType, name: str) -> None:
+    found = doctest.DocTestFinder(recurse=False).find(getattr(module, name), name, globs={})
+    assert any(test.examples for test in found), f"{module.__name__}.{name} has no example in its docstring"
+
+
+@pytest.mark.parametrize("name", [name for name, text in sources() if ">>> " in text])
+def test_the_examples_of_a_module_are_true(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    module = import_module(name.removeprefix("tools.notebook.").removesuffix(".__init__"))
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     said: list[str] = []
-    for test in examples:
+    for number, test in enumerate(doctest.DocTestFinder().find(module)):
+        folder = tmp_path / str(number)  # examples may write files
+        folder.mkdir()
+        monkeypatch.chdir(folder)
         runner.run(test, out=said.append)
     assert not runner.failures, "".join(said)

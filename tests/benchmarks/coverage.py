@@ -25,7 +25,7 @@ from tools.calibration.session import Session
 from tools.commands.calibrate import color_checker_xyz
 from tools.host.console import Console
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.drawn.color_checker import chart_scene
+from tools.scenes.drawn.charts import chart_scene
 
 SHAPE = (400, 600)
 KINDS = (

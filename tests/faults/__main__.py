@@ -13,54 +13,50 @@ import sys
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from tests.faults import surroundings, trials
 from tests.faults.scenario import Scenario
 from tests.faults.worlds import worlds
 
-Trial = Callable[[Path], list[str]]
+Trial = Callable[[Scenario, Path], list[str]]
+ONCE: list[tuple[str, Trial]] = [
+    ("two processes, one folder", trials.two_at_once),
+    ("names that differ in case", trials.case_alone),
+    ("no place for caches", surroundings.no_place),
+]
+"""Name and trial of what is tried without older results alone."""
+TRIALS: list[tuple[str, Trial]] = [
+    *(("links and pipes in the way", partial(surroundings.planted, kind=kind)) for kind in ("symbolic link", "hard link", "pipe")),
+    ("odd names", partial(surroundings.odd_names, environment={})),
+    ("odd names, no locale", partial(surroundings.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"})),
+    ("nothing left in the home", surroundings.empty_home),
+    *(("disk full", partial(trials.full_disk, pages=pages)) for pages in (1, 5)),
+    ("limit on file size", partial(trials.file_limit, size=2000)),
+    ("read-only folder", trials.read_only),
+    *(("output is an input", partial(trials.own_input, link=link)) for link in ("symbolic", "hard")),
+]
+"""Of all other surroundings."""
 _SECONDS = 4.0  # a command takes no longer, even on a busy machine
 
 
-def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str, Trial]]:
-    """Every trial, as (name, trial); kills are distributed over the commands in turn."""
-    found: list[tuple[str, Trial]] = []
-
-    def add(what: str, trial: Callable[..., list[str]], *given: object) -> None:
-        found.append((what, lambda folder: trial(given[0], folder, *given[1:])))
-
-    for what, number, count in (
-        ("kill -9", signal.SIGKILL, kills),
-        ("SIGINT", signal.SIGINT, -(-kills // 5)),
-        ("SIGTERM", signal.SIGTERM, -(-kills // 5)),
-    ):
-        for index in range(count):
-            chance = random.Random(f"{seed} {what} {index}")
-            # SIGINT and SIGTERM end capture in order: only kill -9 interrupts it.
-            among = scenarios if number == signal.SIGKILL else [each for each in scenarios if each.outputs]
-            add(what, trials.interrupted, among[index % len(among)], number, chance, _SECONDS)
-    for index in range(-(-kills // 5)):
-        chance = random.Random(f"{seed} Ctrl-C {index}")
-        among = [each for each in scenarios if each.outputs]
-        add("Ctrl-C for all processes", surroundings.ctrl_c, among[index % len(among)], chance, _SECONDS)
-    for scenario in [each for each in scenarios if each.outputs]:
-        for kind in ("symbolic link", "hard link", "pipe"):
-            add("links and pipes in the way", surroundings.planted, scenario, kind)
-        add("odd names", surroundings.odd_names, scenario, {})
-        add("odd names, no locale", surroundings.odd_names, scenario, {"LC_ALL": "C", "PYTHONUTF8": "0"})
-        add("nothing left in the home", surroundings.empty_home, scenario)
-        for pages in (1, 5):
-            add("disk full", trials.full_disk, scenario, pages)
-        add("limit on file size", trials.file_limit, scenario, 2000)
-        add("read-only folder", trials.read_only, scenario)
-        add("output is an input", trials.own_input, scenario, "symbolic")
-        add("output is an input", trials.own_input, scenario, "hard")
-        if not scenario.before:
-            add("two processes, one folder", trials.two_at_once, scenario)
-            add("names that differ in case", trials.case_alone, scenario)
-            add("no place for caches", surroundings.no_place, scenario)
-    return found
+def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str, Scenario, Trial]]:
+    """Every trial, with its name and scenario; kills are distributed over the commands in turn."""
+    known, few = [each for each in scenarios if each.outputs], -(-kills // 5)
+    # SIGINT and SIGTERM end capture in order: only kill -9 interrupts it.
+    timed: dict[str, tuple[Callable[..., list[str]], int, list[Scenario]]] = {
+        "kill -9": (partial(trials.interrupted, number=signal.SIGKILL), kills, scenarios),
+        "SIGINT": (partial(trials.interrupted, number=signal.SIGINT), few, known),
+        "SIGTERM": (partial(trials.interrupted, number=signal.SIGTERM), few, known),
+        "Ctrl-C for all processes": (surroundings.ctrl_c, few, known),
+    }
+    found: list[tuple[str, Scenario, Trial]] = [
+        (what, among[index % len(among)], partial(trial, chance=random.Random(f"{seed} {what} {index}"), seconds=_SECONDS))
+        for what, (trial, count, among) in timed.items()
+        for index in range(count)
+    ]
+    return found + [(what, scenario, trial) for scenario in known for what, trial in (TRIALS if scenario.before else TRIALS + ONCE)]
 
 
 def main() -> int:
@@ -72,13 +68,14 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         todo = planned(worlds(Path(folder)), arguments.kills, arguments.seed)
 
-    def tried(each: tuple[str, Trial]) -> list[str]:
+    def tried(each: tuple[str, Scenario, Trial]) -> list[str]:
+        _, scenario, trial = each
         with tempfile.TemporaryDirectory(prefix="panchroma-fault-") as folder:
-            return each[1](Path(folder) / "world")
+            return trial(scenario, Path(folder) / "world")
 
     results: dict[str, list[list[str]]] = {}
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        for done, ((what, _), found) in enumerate(zip(todo, pool.map(tried, todo), strict=True), 1):
+        for done, ((what, *_), found) in enumerate(zip(todo, pool.map(tried, todo), strict=True), 1):
             results.setdefault(what, []).append(found)
             if done % 20 == 0:
                 print(f"{done} of {len(todo)} trials", file=sys.stderr, flush=True)

@@ -2,14 +2,15 @@
 
 import random
 import signal
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from tests.faults import surroundings, trials
+from tests.faults.__main__ import ONCE, TRIALS, Trial
 from tests.faults.scenario import Scenario, known, replacing
 from tests.faults.worlds import scene
 
@@ -25,51 +26,16 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
 def test_an_interruption_at_a_step_with_files_loses_nothing(
     scenario: Scenario, tmp_path: Path, point: int, number: signal.Signals
 ) -> None:
-    class Chance(random.Random):
-        """Always a step, and always this one."""
-
-        def random(self) -> float:
-            return 0.0
-
-        def randint(self, low: int, high: int) -> int:
-            return point
-
+    chance = Mock(random=lambda: 0.0, randint=lambda *_: point)  # always a step, and always this one
     chosen = replacing(scenario) if point == 12 else scenario
-    assert trials.interrupted(chosen, tmp_path / "world", number, Chance(), 1.0) == []
+    assert trials.interrupted(chosen, tmp_path / "world", number, chance, 1.0) == []
 
 
 @pytest.mark.parametrize(
-    "trial",
-    [
-        lambda scenario, folder: trials.full_disk(replacing(scenario), folder, 1),
-        lambda scenario, folder: trials.file_limit(scenario, folder, 2000),
-        trials.read_only,
-        trials.two_at_once,
-        lambda scenario, folder: trials.own_input(scenario, folder, "hard"),
-        trials.case_alone,
-    ],
-    ids=["full disk", "limit", "read-only", "two at once", "input", "case"],
+    ("what", "trial"), [*TRIALS, *ONCE, ("Ctrl-C", partial(surroundings.ctrl_c, chance=random.Random(0), seconds=0.5))]
 )
-def test_what_is_wrong_outside_leaves_everything_in_order(
-    scenario: Scenario, tmp_path: Path, trial: Callable[[Scenario, Path], list[str]]
-) -> None:
-    assert trial(scenario, tmp_path / "world") == []
-
-
-@pytest.mark.parametrize(
-    "trial",
-    [
-        *(partial(surroundings.planted, kind=kind) for kind in ("symbolic link", "hard link", "pipe")),
-        *(partial(surroundings.odd_names, environment=each) for each in ({}, {"LC_ALL": "C", "PYTHONUTF8": "0"})),
-        surroundings.no_place,
-        surroundings.empty_home,
-        partial(surroundings.ctrl_c, chance=random.Random(0), seconds=0.5),
-    ],
-)
-def test_hostile_surroundings_lose_nothing_and_show_nothing(
-    scenario: Scenario, tmp_path: Path, trial: Callable[[Scenario, Path], list[str]]
-) -> None:
-    assert trial(scenario, tmp_path / "world") == []
+def test_hostile_surroundings_lose_nothing_and_show_nothing(scenario: Scenario, tmp_path: Path, what: str, trial: Trial) -> None:
+    assert trial(replacing(scenario) if what == "disk full" else scenario, tmp_path / "world") == []
 
 
 def test_the_trials_notice(scenario: Scenario, tmp_path: Path) -> None:

@@ -10,30 +10,26 @@ Outcomes:
     FAULT    another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another shot
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 from tests.fuzz.campaign import run
 from tests.fuzz.child import case
 from tests.fuzz.corpus import corpus
+from tests.fuzz.sweep import numbers, options
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1000, metavar="N", help="files")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--number", type=int, help="only this file")
+    parser = options(__doc__, 1000)
     parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for the files that cause faults")
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes")
     arguments = parser.parse_args()
     if arguments.keep:
         arguments.keep.mkdir(parents=True, exist_ok=True)
-    numbers = [arguments.number] if arguments.number is not None else list(range(arguments.count))
     if arguments.number is not None and arguments.keep:
         sample, data = case(corpus(), arguments.seed, arguments.number)
         (arguments.keep / f"file-{arguments.seed}-{arguments.number}{sample.suffix}").write_bytes(data)
-    campaign = run(arguments.seed, numbers, arguments.jobs, arguments.keep)
+    campaign = run(arguments.seed, numbers(arguments), arguments.jobs, arguments.keep)
     for number, why in sorted(campaign.faults.items()):
         print(f"seed {arguments.seed} number {number}: {why.strip()}", file=sys.stderr)
     print(campaign.table())

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tests.data import ROOT
-from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case
+from tests.fuzz.child import FAULT, case
 from tests.fuzz.corpus import corpus
+from tests.fuzz.sweep import table
 
 CHILD = [sys.executable, "-m", "tests.fuzz.child"]
-OUTCOMES = (SAME, ALTERED, REFUSED, FAULT)
 LIMIT_SECONDS = 10.0
 LIMIT_BYTES = 300 * 2**20  # beyond the memory of the program and its libraries
 _LOOK = 0.02  # seconds between two checks of a child's memory
@@ -49,14 +49,9 @@ class Campaign:
             self.faults[number] = found["why"]
 
     def table(self) -> str:
-        """The counts as lines of text."""
-        kinds = list(dict.fromkeys(kind for kind, _ in sorted(self.counts)))
-        rows = [f"{'':12}{'files':>8}" + "".join(f"{name:>10}" for name in OUTCOMES)]
-        for kind in [*kinds, "all"]:
-            figures = [sum(self.counts[each, name] for each in (kinds if kind == "all" else [kind])) for name in OUTCOMES]
-            rows.append(f"{kind:12}{sum(figures):8}" + "".join(f"{figure:10}" for figure in figures))
-        rows.append(f"slowest {self.seconds:.2f} s, most memory beyond the program's own {self.bytes >> 20} MB")
-        return "\n".join(rows)
+        """The counts, and the extremes, as lines of text."""
+        most = f"slowest {self.seconds:.2f} s, most memory beyond the program's own {self.bytes >> 20} MB"
+        return f"{table(self.counts)}\n{most}"
 
 
 def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:

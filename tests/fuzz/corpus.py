@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import tifffile
+from numpy.typing import NDArray
 
 from device import Preview
 from device.capture import Sensor
@@ -18,6 +19,7 @@ from offline import PAPER, render
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
+from tests.fuzz.forged import npy
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.calibration.known_camera import chart, frame, true_place
 from tests.tools.pictures.examples import encode_picture
@@ -81,15 +83,19 @@ def _pictures() -> list[Sample]:
         for kind in kinds
     ]
     for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
-        buffer = io.BytesIO()
-        tifffile.imwrite(buffer, (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression)
-        samples.append(Sample("TIF", ".tif", buffer.getvalue(), _read_scene))
+        written = _tiff((rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression)
+        samples.append(Sample("TIF", ".tif", written, _read_scene))
     bands = (rgb[..., [0, 1, 2, 0, 1]] * 65535).astype(np.uint16)
-    stack, array = io.BytesIO(), io.BytesIO()
-    tifffile.imwrite(stack, np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
-    np.save(array, bands)
-    samples += [Sample("TIF", ".tif", stack.getvalue(), _read_bands), Sample("NPY", ".npy", array.getvalue(), _read_bands)]
-    return samples
+    stack = _tiff(np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
+    array = npy(bands.shape, "<u2") + bands.tobytes()
+    return [*samples, Sample("TIF", ".tif", stack, _read_bands), Sample("NPY", ".npy", array, _read_bands)]
+
+
+def _tiff(samples: NDArray[Any], **options: Any) -> bytes:
+    """A TIFF as tifffile writes it."""
+    buffer = io.BytesIO()
+    tifffile.imwrite(buffer, samples, **options)
+    return buffer.getvalue()
 
 
 _KINDS = (
@@ -129,18 +135,14 @@ def _linear() -> list[Sample]:
         ((rgb * 2).astype(np.uint16), None, "zlib"),
         (rgb, (16, 16), "zlib"),
     ):
-        buffer = io.BytesIO()
         tags: list[Any] = [(50706, 1, 4, bytes([1, 4, 0, 0]), True), *(levels if samples.dtype == np.uint16 else ())]
         options: dict[str, Any] = {"tile": tile} if tile else {"rowsperstrip": 7}
-        tifffile.imwrite(buffer, samples, photometric="linear_raw", compression=compression, extratags=tags, **options)
-        files.append(buffer.getvalue())
+        files.append(_tiff(samples, photometric="linear_raw", compression=compression, extratags=tags, **options))
     return [Sample("linear DNG", ".dng", data, _read_scene) for data in files]
 
 
 def _raws() -> list[Sample]:
     """A Bayer camera's DNG, which LibRaw decodes."""
-    codes = random_codes((40, 52), 12)
-    buffer = io.BytesIO()
     tags: list[Any] = [
         (50706, 1, 4, bytes([1, 4, 0, 0]), True),
         (50708, 2, 0, "Camera", True),
@@ -148,8 +150,8 @@ def _raws() -> list[Sample]:
         (33422, 1, 4, bytes([0, 1, 1, 2]), True),
         (50721, 10, 9, (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1), True),
     ]
-    tifffile.imwrite(buffer, codes, photometric=32803, extratags=tags, subfiletype=0)
-    return [Sample("camera RAW", ".dng", buffer.getvalue(), _read_scene)]
+    written = _tiff(random_codes((40, 52), 12), photometric=32803, extratags=tags, subfiletype=0)
+    return [Sample("camera RAW", ".dng", written, _read_scene)]
 
 
 def _documents() -> list[Sample]:

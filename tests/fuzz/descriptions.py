@@ -5,10 +5,8 @@ The advice in a refusal is followed, again and again: it has to lead to what the
 python -m tests.fuzz.descriptions --count 2000 --seed 1
 """
 
-import argparse
 import re
 import sys
-from collections import Counter
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -22,6 +20,7 @@ from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.device.packer import pack
+from tests.fuzz.sweep import sweep
 from tools.scenes.drawn.builtin import builtin_scene
 
 RIGHT, REFUSED, REMARK, SILENT, MENDED, ASTRAY = "right", "refused", "remark", "SILENT", "mended", "LED ASTRAY"
@@ -163,23 +162,11 @@ def is_fault(wrong: str, outcome: str) -> bool:
     return outcome in ((REFUSED, MENDED, ASTRAY) if wrong == RIGHT else (SILENT, ASTRAY))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=240, metavar="N")
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    counts: Counter[tuple[str, str]] = Counter()
-    faults = 0
-    for number in range(arguments.count):
-        found = case(arguments.seed, number)
-        counts[found] += 1
-        if is_fault(*found):
-            faults += 1
-            print(f"seed {arguments.seed} number {number}: {': '.join(found)}", file=sys.stderr)
-    for (wrong, outcome), count in sorted(counts.items()):
-        print(f"{wrong:12}{outcome:12}{count:6}")
-    return 1 if faults else 0
+def tried(seed: int, number: int) -> tuple[str, str, str]:
+    """(What is wrong, the outcome, what is wrong once more if that is a fault) of a case."""
+    wrong, found = case(seed, number)
+    return wrong, found, wrong if is_fault(wrong, found) else ""
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(sweep(__doc__, tried, is_fault))

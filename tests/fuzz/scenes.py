@@ -10,10 +10,8 @@ A case is a scene, its light, a filter pattern, a calibration and a way to the p
     in units    the same scene under 2 or 1/2 of the light comes back with as much more or less light
 """
 
-import argparse
 import sys
 import traceback
-from collections import Counter
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -27,6 +25,7 @@ from shared.aberration import Aberration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
+from tests.fuzz.sweep import sweep
 from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
@@ -48,8 +47,6 @@ _CODES = 0.1  # likewise of previews, which see codes: ten bits, of which the bl
 _BLACK = 1e-6  # scene units: what a black scene may show
 _WILD = 10.0  # times the brightest: where light is below black, colours are hardly bound
 _UNITS = 0.1  # of the brightest, root mean square: thresholds in scene units make the same scene come back a little differently
-
-_REPORT = 100  # cases between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -235,28 +232,12 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     return RIGHT, ""
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=200, metavar="N", help="cases")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--number", type=int, help="only this case")
-    arguments = parser.parse_args()
-    counts: Counter[tuple[str, str]] = Counter()
-    for number in [arguments.number] if arguments.number is not None else range(arguments.count):
-        each = case(arguments.seed, number)
-        found, why = outcome(each)
-        counts[each.way, found] += 1
-        if found != RIGHT:
-            print(f"seed {arguments.seed} number {number}: {found}: {each}: {why.strip()}", file=sys.stderr, flush=True)
-        if counts.total() % _REPORT == 0:
-            print(f"{counts.total()} of {arguments.count}", file=sys.stderr, flush=True)
-    for way in (*WAYS, "all"):
-        told = [
-            f"{sum(counts[name, each] for name in (WAYS if way == 'all' else [way]))} {each}" for each in (RIGHT, REFUSED, FAULT)
-        ]
-        print(f"{way:12}" + ", ".join(told))
-    return 1 if any(counts[way, FAULT] for way in WAYS) else 0
+def tried(seed: int, number: int) -> tuple[str, str, str]:
+    """(Way, outcome, what is wrong) of a case."""
+    each = case(seed, number)
+    found, why = outcome(each)
+    return each.way, found, f"{each}: {why.strip()}" if why else ""
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(sweep(__doc__, tried, lambda _, found: found == FAULT))

@@ -87,6 +87,11 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
+def shots(folder: Path) -> list[Path]:
+    """The shots in a folder, in the order of their names."""
+    return sorted(folder.glob("*.dng"))
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """Path below the folder -> bytes, of every file, hidden ones too."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}

@@ -64,7 +64,10 @@ finally:
 """
 
 
-@pytest.mark.parametrize(("words", "heavy"), [(("--help",), "numpy"), (("inspect", SHOT), "numba scipy onnxruntime")])
+@pytest.mark.parametrize(
+    ("words", "heavy"),
+    [(("--help",), "numpy"), (("preview", "--help"), "onnxruntime"), (("inspect", SHOT), "numba scipy onnxruntime")],
+)
 def test_a_command_does_not_load_what_it_does_not_need(words: tuple[str, ...], heavy: str, shots: Path) -> None:
     assert set(heavy.split()).isdisjoint(spawn(*words, script=LOADED, cwd=shots, code=0).out.splitlines()[-1].split())
 

@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def color_checker_xyz() -> DoubleArray:
     """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
+    from tools.scenes.drawn.charts import COLOR_CHECKER_LAB
 
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 

@@ -122,7 +122,7 @@ class _Demo:
 
         with self.console.progress("demo") as progress:
             one = renderings(mosaics[0], ("best",), progress)[0].rgb
-            rgb = merged_picture(mosaics, "best", progress)
+            rgb = merged_picture(mosaics, progress)
         self._save(mosaics[0], {"frame.png": one, "burst.png": rgb, "burst.tif": rgb, "truth.tif": truth})
         compared = {_ONE: one, f"Burst of {len(names)} frames": rgb}
         self._compare(mosaics[0], {_TRUTH: truth, **compared}, _BURST_CROPS)

@@ -4,15 +4,35 @@ With --compile, compile the renderer for this processor first, so that no render
 """
 
 import argparse
+import importlib
+import os
+import platform
+import re
+import sys
+import tempfile
 import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires
+from itertools import takewhile
+from pathlib import Path
 
+from shared.errors import PanchromaError
 from shared.processors import processors
+from shared.writing import write_durably
 from tools.host.console import Console
+from tools.host.font_folder import temporary_font_folder
 from tools.host.jobs import FAILED
-from tools.rendering.compilation import CACHE_REMEDY, compile_all, to_compile
+from tools.host.memory import available_memory
+from tools.host.versions import package_version, program_version
+from tools.rendering.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
 
-from .checks import ALL, BAD, CHECKS, GOOD, MISSING, Finding
 from .options import add, option
+
+GOOD, MISSING, BAD = "ok", "missing", "WRONG"
+ALL = "pip install -e '.[all]'"
+_LEAST_MEMORY = 2**30
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,9 +50,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when something optional is missing."""
     findings = [_compiled(console)] if arguments.compile else []
     findings += [finding for check in CHECKS for finding in check()]
-    width = max(len(finding.name) for finding in findings)
+    width = max(len(finding.name) for finding in findings) + 2
     for finding in findings:
-        console.say(*_lines(finding, width))
+        console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
+        if finding.remedy:
+            console.say(f"{'':{width + 8}}-> {finding.remedy}")
         console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
     wrong = sum(finding.state == BAD for finding in findings)
     missing = sum(finding.state == MISSING for finding in findings)
@@ -40,7 +62,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-def _compiled(console: Console) -> Finding:
+def _compiled(console: Console) -> "Finding":
     """Compile all kernels that are not in the cache."""
     name = "compilation"
     try:
@@ -63,6 +85,153 @@ def _compiled(console: Console) -> Finding:
     return Finding(name, GOOD, took)
 
 
-def _lines(finding: Finding, width: int) -> list[str]:
-    line = f"{finding.state:8}{finding.name:{width + 2}}{finding.found}"
-    return [line, f"{'':{width + 10}}-> {finding.remedy}"] if finding.remedy else [line]
+# --- the checks: each reports what it finds, and how to repair what is wrong ------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one check found.
+
+    name: what was checked.
+    state: GOOD, MISSING (something optional is not installed) or BAD.
+    found: for people.
+    remedy: what to do about it, "" = nothing.
+    """
+
+    name: str
+    state: str
+    found: str
+    remedy: str = ""
+
+
+def _judged(name: str, right: bool, found: str, remedy: str) -> Finding:
+    return Finding(name, GOOD if right else BAD, found, "" if right else remedy)
+
+
+def _program() -> Iterator[Finding]:
+    yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
+    found = f"{platform.python_version()} ({sys.executable})"
+    yield _judged("Python", sys.version_info >= (3, 11), found, "use Python 3.11 or newer")
+
+
+# Extra -> how it is installed, and what needs its packages.
+_EXTRAS = {
+    "": ("pip install -e .", "nothing works without it"),
+    "offline": (ALL, "render, demo, evaluate, calibrate"),
+    "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, progress bars"),
+    "evaluation": (ALL, "evaluate: the rivals malvar and menon"),
+    "rivals": ("pip install -e '.[rivals]'", "evaluate: the rivals with bm3d (non-commercial use only)"),
+}
+_MODULES = {"onnxruntime": "shared.runtime", "Pillow": "PIL", "colour-demosaicing": "colour_demosaicing"}
+_REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
+
+
+def _packages() -> Iterator[Finding]:
+    """The packages that pyproject.toml asks for, as the installation knows it."""
+    temporary_font_folder()
+    try:
+        wanted = [found.groups(default="") for each in requires("panchroma") or () if (found := _REQUIREMENT.match(each))]
+    except PackageNotFoundError:
+        yield Finding("packages", BAD, "Panchroma is not installed here: they are not known", ALL)
+        return
+    for name, least, extra in wanted:
+        if extra in _EXTRAS and not name.startswith("opencv"):
+            yield _package(name, least, extra)
+
+
+def _package(name: str, least: str, extra: str) -> Finding:
+    remedy, needed_by = _EXTRAS[extra]
+    if (found := package_version(name)) is None:
+        state = MISSING if extra else BAD
+        return Finding(name, state, f"not installed: {needed_by}", remedy)
+    if _numbers(found) < _numbers(least):
+        return Finding(name, BAD, f"{found}, older than {least}", f"pip install '{name}>={least}'")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # packages warn about each other
+            importlib.import_module(_MODULES.get(name, name))
+    except Exception as error:  # a broken package may raise anything
+        return Finding(name, BAD, f"{found} cannot be imported: {error}", f"pip install --force-reinstall {name}")
+    return Finding(name, GOOD, found)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    """The leading whole numbers of a version."""
+    return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
+
+
+_OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
+
+
+def _opencv() -> Iterator[Finding]:
+    """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
+    installed = {name: found for name in _OPENCV if (found := package_version(name))}
+    if not installed:
+        yield Finding("OpenCV", MISSING, "not installed: evaluate (the rival ea)", ALL)
+        return
+    said = " and ".join(f"{name} {found}" for name, found in installed.items())
+    remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
+    alone = len(installed) == 1
+    yield _judged("OpenCV", alone, said if alone else f"{said} overwrite each other", remedy)
+
+
+def _preview() -> Iterator[Finding]:
+    """Run a graph on a grey wall: the picture must be grey too."""
+    try:
+        import numpy as np
+
+        from shared import CfaPattern, SensorCalibration
+        from shared.sensor import simulate_additive
+        from tools.pictures.previews import Previews
+
+        wall = np.full((24, 24, 3), 0.3, np.float32)
+        mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+        picture = Previews(threads=1)(mosaic)
+        right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
+        found = "runs" if right else "makes a wrong picture"
+    except Exception as error:  # whatever it is, this check exists to find it
+        right, found = False, f"does not run: {error}"
+    yield _judged("preview", right, found, "pip install --force-reinstall onnxruntime, then Panchroma")
+
+
+def _kernels() -> Iterator[Finding]:
+    wrong = ""
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            compiled = len(list(folder.glob("*.nbc")))
+    except ModuleNotFoundError:  # reported with the packages
+        return
+    except RuntimeError:
+        wrong = "there is no folder that can be written to"
+    except OSError as error:
+        wrong = f"{folder}: {error.strerror or error}"
+    found = wrong or f"{folder}, {compiled} compiled{'' if compiled else ': the first render does it'}"
+    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for a minute")
+
+
+def _machine() -> Iterator[Finding]:
+    yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
+    free = available_memory()
+    remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB"
+    yield _judged("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
+
+
+def _writing() -> Iterator[Finding]:
+    """Write a file as every result is written: a temporary file, fsync, rename."""
+    place = os.environ.get("TMPDIR", "the folder for temporary files")
+    try:
+        place = tempfile.gettempdir()
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "written"
+            write_durably(path, b"once")
+            write_durably(path, b"again", overwrite=True)
+            kept = path.read_bytes() == b"again" and len(list(Path(folder).iterdir())) == 1
+    except (OSError, PanchromaError) as error:
+        yield Finding("writing", BAD, f"{place}: {error}", "free some space there, or set TMPDIR to another folder")
+    else:
+        yield _judged("writing", kept, f"durable in {place}", "the file system does not keep what is written; use another")
+
+
+CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (_program, _packages, _opencv, _preview, _kernels, _machine, _writing)

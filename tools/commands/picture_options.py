@@ -5,6 +5,7 @@ import secrets
 from typing import Any
 
 from shared import read_camera
+from shared.errors import InputError
 from tools.host.jobs import output_folder
 from tools.pictures.formats import FORMATS, OTHER_NAMES
 from tools.pictures.kind import PictureKind
@@ -72,20 +73,18 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
+    if arguments.defects and arguments.preset == "paper":
+        raise InputError("--defects needs --preset best: the published method does not know defects")
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality, uncertainty=arguments.uncertainty)
     kind.check_exposure(arguments.exposure)
     arguments.wb.check(kind)
+    asked = ("preset", "exposure", "max_pixels", "resume", "overwrite", "dry_run")
     return {
+        **{name: getattr(arguments, name) for name in asked},
         "kind": kind,
-        "preset": arguments.preset,
-        "exposure": arguments.exposure,
         "white": arguments.wb,
         "camera": read_camera(arguments.camera) if arguments.camera else None,
         "defects": read_defects(arguments.defects) if arguments.defects else (),
         "folder": output_folder(arguments.output, dry_run=arguments.dry_run),
-        "max_pixels": arguments.max_pixels,
         "run": secrets.token_hex(8),
-        "resume": arguments.resume,
-        "overwrite": arguments.overwrite,
-        "dry_run": arguments.dry_run,
     }

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.workers is not None and elsewhere:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")
     part, parts = arguments.shard
-    order = _order(arguments)
+    order = Order(**order_fields(arguments))
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
     jobs, all_possible = possible_jobs(
@@ -95,9 +95,3 @@ def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Names
     finally:
         for below in {job.output.parent for job in jobs}:  # of workers that were killed
             sweep(below)
-
-
-def _order(arguments: argparse.Namespace) -> Order:
-    if arguments.defects and arguments.preset == "paper":
-        raise InputError("--defects needs --preset best: the published method does not know defects")
-    return Order(**order_fields(arguments))

@@ -14,7 +14,7 @@ from tools.host.console import Console, fault
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
-from tools.live.showing import LiveView
+from tools.live.viewfinder import LiveView
 
 from .frame_options import add_source, source_of
 from .options import add, option

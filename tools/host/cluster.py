@@ -14,7 +14,7 @@ import time
 from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelledError
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
@@ -26,6 +26,7 @@ from typing import Any, TypeVar
 from shared.errors import InputError, PanchromaError
 from shared.reading import read_text
 
+from .ahead import promised
 from .console import OUR_PACKAGES, once_each, one_line
 from .progress import Note, StageProgress
 from .signals import raise_lost_signal
@@ -99,15 +100,7 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
 
 def _in_time(connect: Callable[[], R]) -> R:
     """The result of `connect`, or its error. dask alone would wait for ever for what takes connections and is silent."""
-    ended: Future[R] = Future()
-
-    def work() -> None:
-        try:
-            ended.set_result(connect())
-        except BaseException as error:
-            ended.set_exception(error)
-
-    threading.Thread(target=work, daemon=True).start()
+    ended = promised(connect)
     if not wait([ended], _SECONDS + _POLL).done:
         raise TimeoutError(f"silent for {_SECONDS} s")
     return ended.result()
@@ -169,10 +162,8 @@ class Cluster:
             raise_lost_signal()
             time.sleep(_POLL)
         answers = self._client.run(program, on_error="return").items()
-        remarks = [
-            (f"worker {each}", _judged(each, said)) for each, said in answers if not isinstance(said, OSError)
-        ]  # it has left
-        for line in once_each((worker, remark) for worker, remark in remarks if remark):
+        there = ((address, answer) for address, answer in answers if not isinstance(answer, OSError))  # otherwise it has left
+        for line in once_each((f"worker {address}", _judged(address, answer)) for address, answer in there):
             self._note(line)
 
     def _results(self, work: Callable[[P, StageProgress], R], waiting: Iterator[P]) -> Iterator[tuple[P, R | Exception]]:

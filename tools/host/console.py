@@ -121,10 +121,14 @@ def fault(error: BaseException) -> str:
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Each remark once, in a line that names the first that it is about, and counts the others. remarks: (about what, remark)."""
+    """Each remark once, in a line that names the first that it is about, and counts the others.
+
+    remarks: (about what, remark); "" is none.
+    """
     about: dict[str, list[str]] = {}
     for name, remark in remarks:
-        about.setdefault(remark, []).append(name)
+        if remark:
+            about.setdefault(remark, []).append(name)
     for remark, (first, *more) in about.items():
         yield f"{first}{f' and {len(more)} more' if more else ''}: {remark}"
 

@@ -76,7 +76,7 @@ def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
     sites = Counter("".join(tile))
     orders = (order for order in permutations(_COLOURS) if all(sites[a] == sites[b] for a, b in zip(_COLOURS, order, strict=True)))
     tiles = (tuple(row.translate(str.maketrans(_COLOURS, "".join(order))) for row in tile) for order in orders)
-    return [each for each in dict.fromkeys(tiles) if each != tile]
+    return [each for each in tiles if each != tile]
 
 
 def _described(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:

@@ -3,18 +3,18 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING
 
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
 from shared.writing import OnComplete, keep_old, write_durably
+from tools.host.ahead import promised
 from tools.host.jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.development import Development, write_picture
@@ -121,7 +121,7 @@ class _Attempt:
         """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
         self.listener.stage("reading", 1)
         with _frequent_turns():
-            subject = _promised(self._open)
+            subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
             with announced_compilation(self.listener):
                 load_compiled(self.order.settings)
             return subject.result()
@@ -229,20 +229,6 @@ class _Attempt:
         """Digest of the files that a picture is made from; None if there is only one, and it cannot be read."""
         frames = self.job.frames
         return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
-
-
-def _promised(work: Callable[[], Subject]) -> Future[Subject]:
-    """What `work` returns, from a thread that nobody waits for when an interrupt comes: one call may decode for seconds."""
-    promise: Future[Subject] = Future()
-
-    def fulfil() -> None:
-        try:
-            promise.set_result(work())
-        except BaseException as error:
-            promise.set_exception(error)
-
-    Thread(target=fulfil, name="reading", daemon=True).start()
-    return promise
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
@@ -90,22 +89,22 @@ class BurstSubject(Subject):
 
     def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note, *, reported: bool) -> None:
         self._order, self.frames, self._note = order, frames, note
-        self._used = [index for index, frame in enumerate(frames) if frame.mosaic is not None]
+        self._mosaics = {index: frame.mosaic for index, frame in enumerate(frames) if frame.mosaic is not None}
+        self._used = list(self._mosaics)
         self._reference = self._used[0] if order.reference is None else order.reference
         self._merged: MergedBurst | None = None
         self._shown: Shown | None = None
         self._reported = reported
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
-        super().__init__(self._mosaic(self._reference), order.settings, uncertainty=order.kind.uncertainty)
+        super().__init__(self._mosaics[self._reference], order.settings, uncertainty=order.kind.uncertainty)
         if reported:
             try:
                 ColourTransform.to_space(self.mosaic.calibration)
             except InputError:
-                channels = self.mosaic.calibration.channels
                 raise InputError(
-                    f"a report shows pictures in sRGB, and the colours of {channels} are not known: calibrate the camera "
-                    "(panchroma calibrate), or leave `report` out"
+                    f"a report shows pictures in sRGB, and the colours of {self.mosaic.calibration.channels} are not known: "
+                    "calibrate the camera (panchroma calibrate), or leave `report` out"
                 ) from None
 
     def prepare(self, progress: Progress) -> None:
@@ -115,7 +114,7 @@ class BurstSubject(Subject):
         if self.count > 1:
             known = self._order.reference is not None or self._order.shifts
             merged = merge_burst(
-                [self._mosaic(index) for index in self._used],
+                list(self._mosaics.values()),
                 self.settings,
                 progress,
                 reference=self._used.index(self._reference) if known else None,
@@ -130,7 +129,7 @@ class BurstSubject(Subject):
         for frame in self.frames:
             if frame.reason and frame.mosaic is not None:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
-        self.mosaic = self._mosaic(self._reference)
+        self.mosaic = self._mosaics[self._reference]
         if self._left == 1:
             self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
         self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(self.frames[self._reference].name).name}, "
@@ -166,12 +165,6 @@ class BurstSubject(Subject):
     @property
     def _left(self) -> int:
         return sum(not frame.reason for frame in self.frames)
-
-    def _mosaic(self, index: int) -> Mosaic:
-        mosaic = self.frames[index].mosaic
-        if mosaic is None:
-            raise RuntimeError("this frame is left out")
-        return mosaic
 
     def _motions(self) -> list["Motion"]:
         """The known motions: a sensor that has moved to the right sees everything further left."""

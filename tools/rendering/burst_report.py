@@ -77,15 +77,13 @@ def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None,
     refused = [frame.line for frame in frames if frame.reason]
     tone = "bad" if len(used) < 2 else "care" if refused else "good"
     sections = {"One frame, and the burst": _beside(alone.picture, merged.picture)}
-    facts = []
+    facts: list[str] = []
     if shares is not None and len(used) > 1:
         share = float((shares > _ALONE).mean())
-        facts.append(
-            f"Noise of luminance, in the median of the picture: {float(np.median(shares)) ** 0.5:.2f} times that of one frame."
-        )
-        facts.append(
-            f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there."
-        )
+        facts = [
+            f"Noise of luminance, in the median of the picture: {float(np.median(shares)) ** 0.5:.2f} times that of one frame.",
+            f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there.",
+        ]
         sections["Where frames were merged"] = _map(shares, merged, len(used))
     if len(places := _places(frames)) > 1:
         caption = "Where the scene lies in each frame, compared with the reference (blue); red: left out."

@@ -10,7 +10,8 @@ from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.processors import processors
 from shared.spelling import meant
-from tools.host.console import fault, to_stderr
+from tools.host.console import fault as missing_package
+from tools.host.console import to_stderr
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.progress import StageProgress
 from tools.host.versions import program_version
@@ -34,11 +35,6 @@ _AS_ARRAY = PictureKind("npy", 32, "camera")
 def note_once(line: str) -> None:
     """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
     to_stderr(line)
-
-
-def missing_package(error: ModuleNotFoundError) -> str:
-    """What to install where a package is missing."""
-    return fault(error)
 
 
 def settings_named(preset: object) -> "RenderSettings":
@@ -90,14 +86,14 @@ def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) 
         return [render(mosaic, each, progress) for each in settings]
 
 
-def merged_picture(mosaics: Sequence[Mosaic], preset: str, progress: StageProgress) -> FloatArray:
+def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:
     """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
+    from offline import BEST
     from offline.burst import merge_burst, render_burst_bands
 
-    settings = settings_named(preset)
     with announced_compilation(progress):
-        merged = merge_burst(mosaics, settings, progress, reference=0)
-        return joined(render_burst_bands(merged, settings, progress), mosaics[0].shape[0])
+        merged = merge_burst(mosaics, BEST, progress, reference=0)
+        return joined(render_burst_bands(merged, BEST, progress), mosaics[0].shape[0])
 
 
 def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:

@@ -48,10 +48,10 @@ def with_white_highlights(
     gone: (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading.
 
     >>> import numpy as np
-    >>> lamp = np.full((9, 9, 3), 0.25, np.float32)
-    >>> lamp[3:6, 3:6] = 1
+    >>> lamp = np.full((13, 13, 3), 0.25, np.float32)
+    >>> lamp[5:8, 5:8] = 1
     >>> white, notes = with_white_highlights(lamp, (0.5, 1.0, 0.8))
-    >>> white[4, 4].tolist(), white[0, 0].tolist(), len(notes)
+    >>> white[6, 6].round(3).tolist(), white[0, 0].tolist(), len(notes)
     ([1.0, 2.0, 1.600...], [0.25, 0.25, 0.25], 1)
     """
     if gone is None:

@@ -23,7 +23,7 @@ from shared.tiff_check import PLAIN, check_directories
 from .camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from .decoders import FORMATS, TIFF, PictureFormat, guarded
 from .drawn.builtin import builtin_scene
-from .drawn.color_checker import chart_scene
+from .drawn.charts import chart_scene
 from .drawn.spectral import spectral_scene
 from .linear_dng import linear_dng_scene
 from .picture import gehler_shi_scene, picture_scene

@@ -1,5 +1,6 @@
 import os
 import time
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,9 @@ class Watch:
     def take(self, count: int) -> list[RawFrame]:
         self.most = self.looks + 1000
         return [next(self._frames) for _ in range(count)]
+
+    def names(self, count: int) -> list[str]:
+        return [Path(frame.source).name for frame in self.take(count)]
 
     def rest(self, looks: int = 20) -> list[RawFrame]:
         self.most = self.looks + looks
@@ -68,58 +72,52 @@ def test_what_is_there_comes_first_by_time_then_what_appears(tmp_path: Path) -> 
 def test_only_new_leaves_out_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put(tmp_path, "old")
     put(tmp_path, "overwritten")
-    slept = 0
+    watch = Watch(tmp_path, only_new=True)
 
     def then(_: float) -> None:
-        nonlocal slept
-        slept += 1
-        if slept == 3:
+        if watch.looks == 3:
             put(tmp_path, "new")
             put(tmp_path, "overwritten", seconds=2e9)
 
     monkeypatch.setattr(time, "sleep", then)
-    watch = Watch(tmp_path, only_new=True)
-    assert [Path(frame.source).name for frame in watch.take(2)] == ["new", "overwritten"]
+    assert watch.names(2) == ["new", "overwritten"]
     assert watch.rest() == []
 
 
-def test_unfinished_files_wait_for_their_names(tmp_path: Path) -> None:
+def test_unfinished_files_wait_for_their_names_and_what_is_no_file_is_passed_over(tmp_path: Path) -> None:
     for name in (".hidden", "frame.raw.part", "frame.tmp"):
         put(tmp_path, name)
     (tmp_path / "folder").mkdir()
+    (tmp_path / "long").symlink_to("a" * 300)
+    (tmp_path / "loop").symlink_to("loop")
     watch = Watch(tmp_path)
     assert watch.rest(5) == []
     assert watch.refused == []
     (tmp_path / "frame.tmp").rename(tmp_path / "frame.raw")
-    assert [Path(frame.source).name for frame in Watch(tmp_path).take(1)] == ["frame.raw"]
+    assert Watch(tmp_path).names(1) == ["frame.raw"]
 
 
-def test_a_file_that_grows_is_taken_when_it_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "frame.raw"
-    path.write_bytes(b"")
+@pytest.mark.parametrize(
+    "history",
+    [[FRAME[:length] for length in (0, 3, 6, 8)], [bytes([number]) * len(FRAME) for number in (3, 2, 1)] + [FRAME]],
+    ids=["grows", "changes"],
+)
+def test_a_file_is_taken_when_it_has_stopped_changing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, history: list[bytes]
+) -> None:
+    left = iter(enumerate(history))
+
+    def change(_: float) -> None:
+        for number, data in islice(left, 1):
+            put(tmp_path, "frame.raw", data, seconds=1e9 - number)
+
+    change(0)
+    monkeypatch.setattr(time, "sleep", change)
     monkeypatch.setattr(frame_folder, "_PATIENCE", 3600)
-
-    def grow(_: float) -> None:
-        with path.open("ab") as file:
-            file.write(FRAME[path.stat().st_size :][:3])
-
-    monkeypatch.setattr(time, "sleep", grow)
     watch = Watch(tmp_path)
     (frame,) = watch.take(1)
     assert bytes(frame.data) == FRAME
     assert watch.refused == []
-
-
-def test_a_file_of_the_right_size_is_taken_when_it_has_stopped_changing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    contents = [bytes([number]) * len(FRAME) for number in range(4)]
-
-    def change(_: float) -> None:
-        if contents:
-            put(tmp_path, "frame.raw", contents.pop(), seconds=1e9 + len(contents))
-
-    monkeypatch.setattr(time, "sleep", change)
-    (frame,) = Watch(tmp_path).take(1)
-    assert bytes(frame.data) == bytes(len(FRAME))
 
 
 def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_path: Path) -> None:
@@ -169,16 +167,6 @@ def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
         (tmp_path / "frame.raw").unlink()
         put(tmp_path, "other.raw", seconds=2e9 + number)  # a scan without it
         watch.take(1)
-
-
-def test_a_link_that_leads_nowhere_is_not_followed(tmp_path: Path) -> None:
-    (tmp_path / "long").symlink_to("a" * 300)
-    (tmp_path / "loop").symlink_to("loop")
-    put(tmp_path, "good.raw")
-    watch = Watch(tmp_path)
-    assert [Path(frame.source).name for frame in watch.take(1)] == ["good.raw"]
-    assert watch.rest() == []
-    assert watch.refused == []
 
 
 def test_a_time_in_no_year_is_told(tmp_path: Path) -> None:

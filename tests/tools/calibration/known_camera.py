@@ -15,7 +15,7 @@ from shared.sensor import simulate_sensor
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from tools.calibration.gamma import Assumed
 from tools.commands.calibrate import color_checker_xyz
-from tools.scenes.drawn.color_checker import CORNERS, chart_scene
+from tools.scenes.drawn.charts import CORNERS, chart_scene
 from tools.scenes.scene import Scene
 
 NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))

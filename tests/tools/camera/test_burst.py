@@ -1,7 +1,5 @@
 """The frames of a burst: what each sees, and that the truth about them is true."""
 
-import doctest
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,6 @@ from shared.errors import InputError
 from shared.metadata import CaptureField
 from shared.motion import Motion
 from shared.tiff import FieldType
-from tools.camera import burst as module
-from tools.camera import filters
-from tools.camera import motion as motion_module
 from tools.camera.burst import MovingThing, SimulatedBurst, burst_frames, reduced, tremor
 from tools.camera.motion import displaced, reach
 from tools.scenes.drawn.builtin import builtin_scene
@@ -28,11 +23,6 @@ def random(seed: int = 0) -> np.random.Generator:
 @pytest.fixture(scope="module")
 def leaves() -> FloatArray:
     return builtin_scene(240, 200).rgb
-
-
-@pytest.mark.parametrize("documented", [module, filters, motion_module])
-def test_the_examples(documented: object) -> None:
-    assert doctest.testmod(documented, optionflags=doctest.ELLIPSIS).failed == 0  # type: ignore[arg-type]
 
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
@@ -164,7 +154,7 @@ def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_moves_stays_in_the_scene(leaves: FloatArray, seed: int) -> None:
-    frames, margin = 5, 10
+    frames, margin = 20, 10
     thing = MovingThing.drawn(leaves, margin, frames, 1, np.random.default_rng(seed))
     places = np.array([thing.place(frame) for frame in range(frames)])
     assert (places >= margin + thing.radius - 1e-6).all()
@@ -228,9 +218,9 @@ def test_beyond_the_border_the_outermost_pixels_go_on() -> None:
 
 
 def test_what_is_within_reach_of_the_border_alone_depends_on_what_is_beyond() -> None:
-    light = np.random.default_rng(1).random((130, 150, 1), np.float32)
+    light = np.random.default_rng(1).random((260, 110, 1), np.float32)
     framed = np.pad(light, ((30, 30), (30, 30), (0, 0)), constant_values=9)
-    for motion in (moved(1.5, 2.5), moved(-2, 0.25, 1.5)):
+    for motion in (moved(1.5, 2.5), moved(-2, 0.25, 1.5), moved(0, 0.5, 5)):
         border = reach(motion, light.shape)
         inside = (slice(border, -border), slice(border, -border))
         seen, other = displaced(light, motion), displaced(framed, motion)[30:-30, 30:-30]

@@ -13,7 +13,7 @@ import pytest
 
 from shared import read_dng
 from tests.data import ROOT
-from tests.tools.command import PROGRAM, start
+from tests.tools.command import PROGRAM, ended, start
 
 BLOCKS = re.findall(r"```(\w*)\n(.*?)```", (ROOT / "device" / "bring_up.md").read_text(), re.DOTALL)
 UNIT = next(block for kind, block in BLOCKS if kind == "ini")
@@ -51,7 +51,5 @@ def test_the_service_ends_with_0_and_its_link_leads_to_a_whole_shot(tmp_path: Pa
         command = command.replace(here, there)
     with start(*command.split()[1:]) as process:
         assert ".dng" in process.stdout.readline()
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=60)
-        assert process.returncode == 0
+        ended(process, signal.SIGTERM, code=0)
     assert read_dng((tmp_path / "shots" / "latest.dng").resolve()).shape == (48, 64)

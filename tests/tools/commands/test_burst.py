@@ -135,6 +135,7 @@ def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) ->
     [
         (lambda shot: replace(shot, pattern=CfaPattern.bayer(6, "GBRG")), "its filters are arranged otherwise"),
         (lambda shot: stating(shot, sensor="another"), "it was taken with another camera"),
+        (lambda shot: stating(shot, gamma=(0.9, 1.0, 1.1)), "it was taken with another camera"),
     ],
 )
 def test_a_frame_of_another_camera_is_left_out_by_name(

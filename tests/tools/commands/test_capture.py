@@ -23,7 +23,7 @@ from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
-from tests.tools.command import Outcome, ended, names, spawn, start
+from tests.tools.command import Outcome, ended, names, shots, spawn, start
 from tests.tools.command import run as command
 from tools.live import recorder
 from tools.scenes.drawn.builtin import builtin_scene
@@ -68,10 +68,6 @@ def recorded(folder: Path, data: bytes, *arguments: str | Path, code: int) -> st
     recording.write_bytes(data)
     with recording.open("rb") as file:
         return spawn("capture", "-", *arguments, stdin=file, code=code).err
-
-
-def shots(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.dng"))
 
 
 def codes(folder: Path) -> list[bytes]:

@@ -20,12 +20,10 @@ RESULTS = {"shot.dng", "preview.jpg", "render.png", "render.tif", "truth.tif", "
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The demo on a small frame, begun in an empty folder."""
-    monkeypatch.setattr(demo, "_WIDTH", WIDTH)
-    monkeypatch.setattr(demo, "_HEIGHT", HEIGHT)
-    monkeypatch.setattr(demo, "_OVERVIEW", (20, 30))
-    monkeypatch.setattr(demo, "_CROPS", {"star": (70, 100), "leaves": (10, 20)})
-    monkeypatch.setattr(demo, "_DRAWN", (300, 240))
-    monkeypatch.setattr(demo, "_BURST_CROPS", {"leaves": (10, 20)})
+    sizes: dict[str, Any] = {"_WIDTH": WIDTH, "_HEIGHT": HEIGHT, "_DRAWN": (300, 240), "_OVERVIEW": (20, 30)}
+    crops = {"_CROPS": {"star": (70, 100), "leaves": (10, 20)}, "_BURST_CROPS": {"leaves": (10, 20)}}
+    for name, value in (sizes | crops).items():
+        monkeypatch.setattr(demo, name, value)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -1,7 +1,5 @@
 """`panchroma identify`: files of every kind, what is said of their filters, the map of the tile."""
 
-import json
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,10 +14,10 @@ from shared import write_dng as write_shot
 from shared.arrays import CodeArray
 from shared.pattern_text import read_pattern
 from shared.sensor import simulate_additive
-from tests.data import ROOT, photograph
+from tests.data import photograph
 from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.shared.dng.examples import preview
-from tests.tools.command import PROGRAM, run
+from tests.tools.command import run, spawn
 from tests.tools.scenes.files import LINEAR_RAW, write_dng
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
@@ -52,9 +50,8 @@ def test_one_of_the_lines_to_go_on_with_describes_the_sensor(tmp_path: Path, nam
     tile = tile_of(name, (1, 2))
     np.save(tmp_path / "a.npy", taken(SCENE, tile))
     (record,) = run("identify", "--json", tmp_path / "a.npy").records
-    described = []
-    for letters, (row, column) in (record["pattern"], *record["alternatives"]):
-        described.append(replace(read_pattern(letters), origin=(row, column)).letters_from())
+    fitting = (record["pattern"], *record["alternatives"])
+    described = [replace(read_pattern(letters), origin=tuple(origin)).letters_from() for letters, origin in fitting]
     assert len({*described}) == len(described)
     assert tile in described
     assert described[0] == tuple(record["letters"])
@@ -117,9 +114,8 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
     layout = (*SIZE, "--pixel-format", "Y12", "--stride", str(2 * SONY.shape[1] + 16))
     outcome = run("identify", path, *layout, "--json")
     assert (outcome.code, outcome.records[0]["letters"]) == (0, list(LETTERS))
-    line = [*PROGRAM, "identify", "-", *layout, "--json"]
-    piped = subprocess.run(line, input=path.read_bytes(), cwd=ROOT, capture_output=True, check=False)
-    assert json.loads(piped.stdout)["letters"] == list(LETTERS)
+    with path.open("rb") as stream:
+        assert spawn("identify", "-", *layout, "--json", stdin=stream).records[0]["letters"] == list(LETTERS)
     for file, arguments, words in (
         (path, layout[:-2], "likely --stride 448"),
         (odd, layout[:-2], "stripes is rare: size, format or stride may be another"),

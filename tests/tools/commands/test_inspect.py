@@ -2,6 +2,7 @@
 
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibr
 from shared.arrays import CodeArray
 from shared.dng import read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview
-from tests.tools.command import assert_refused, run
+from tests.tools.command import run
 
 PLAIN = SensorCalibration.of_bits(12)
 BLACK, WHITE = int(PLAIN.black_level[0]), PLAIN.white_level
@@ -19,6 +20,11 @@ BLACK, WHITE = int(PLAIN.black_level[0]), PLAIN.white_level
 def save(path: Path, shot: Mosaic) -> Path:
     write_dng(path, shot, preview())
     return path
+
+
+def told(path: Path, *fields: Any) -> str:
+    """What people read of a shot of these fields."""
+    return run("inspect", save(path / "shot.dng", Mosaic(frame(2000), CfaPattern.bayer(), *fields)), code=0).out
 
 
 def frame(panchromatic: int, colour: int = BLACK) -> CodeArray:
@@ -58,62 +64,55 @@ def test_machines_get_every_fact(tmp_path: Path) -> None:
     assert facts["metadata"]["more"]["OffsetTimeOriginal"] == "+05:30"
 
 
+TOLD = {
+    "size": "53 x 37 pixels, 12 bits; samples match their digest",
+    "pattern": "paper, period 6, 2.78 times the light of a Bayer sensor",
+    "network": "rggb-k6",
+    "levels": "black 256 257 258 259, white 3839",
+    "gamma": "0.7 0.91 1.12  (RGB)",
+    "noise": "variance = 0.001 0.002 0.003 0.004 x signal + (0.01 0.005 0.00333333 0.0025)^2, scene units",
+    "colour": "calibrated",
+    "neutral": "0.5 0.6 0.7",
+    "sensor": f"Prüfling 7, calibration {calibration().id}",
+    "exposure": "1/250 s",
+    "aperture": "f/2.8",
+    "ISO": "640",
+    "focal length": "34.56 mm",
+    "orientation": "6 (of TIFF)",
+    "place": "-33.857039, 151.211111 (latitude, longitude)",
+    **{name: getattr(METADATA, name) for name in ("make", "lens", "artist")},
+}
+
+
 def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     path = save(tmp_path / "shot.dng", mosaic())
     outcome = run("inspect", path, code=0)
-    assert outcome.err == ""
-    assert outcome.out.splitlines()[0] == str(path)
+    assert (outcome.err, outcome.out.splitlines()[0]) == ("", str(path))
     shown = rows(outcome.out)
-    assert shown["size"] == "53 x 37 pixels, 12 bits; samples match their digest"
-    assert shown["pattern"] == "paper, period 6, 2.78 times the light of a Bayer sensor"
-    assert shown["network"] == "rggb-k6"
     assert "R G W W W W" in outcome.out
-    assert shown["levels"] == "black 256 257 258 259, white 3839"
-    assert shown["gamma"] == "0.7 0.91 1.12  (RGB)"
-    assert shown["noise"] == "variance = 0.001 0.002 0.003 0.004 x signal + (0.01 0.005 0.00333333 0.0025)^2, scene units"
-    assert shown["colour"] == "calibrated"
-    assert shown["neutral"] == "0.5 0.6 0.7"
-    assert shown["sensor"] == f"Prüfling 7, calibration {calibration().id}"
-    assert shown["exposure"] == "1/250 s"
-    assert shown["aperture"] == "f/2.8"
-    assert shown["ISO"] == "640"
-    assert shown["focal length"] == "34.56 mm"
-    assert shown["orientation"] == "6 (of TIFF)"
-    assert shown["place"] == "-33.857039, 151.211111 (latitude, longitude)"
-    assert (shown["make"], shown["lens"], shown["artist"]) == (METADATA.make, METADATA.lens, METADATA.artist)
+    assert TOLD.items() <= shown.items()
 
 
 @pytest.mark.parametrize(
-    ("calibrated", "name", "value"),
+    ("fields", "name", "value"),
     [
-        (PLAIN, "noise", "unknown"),
-        (SensorCalibration(noise=NoiseModel.gaussian(0.01, 4)), "noise", "sigma 0.01 scene units"),
-        (PLAIN, "colour", "no matrix"),
-        (PLAIN, "levels", "black 256, white 3839"),
-        (PLAIN, "gamma", "1  (RGB)"),
-        (PLAIN, "sensor", f"unnamed, calibration {PLAIN.id}"),
+        ((PLAIN,), "noise", "unknown"),
+        ((SensorCalibration(noise=NoiseModel.gaussian(0.01, 4)),), "noise", "sigma 0.01 scene units"),
+        ((PLAIN,), "colour", "no matrix"),
+        ((PLAIN,), "levels", "black 256, white 3839"),
+        ((PLAIN,), "gamma", "1  (RGB)"),
+        ((PLAIN,), "sensor", f"unnamed, calibration {PLAIN.id}"),
+        ((PLAIN, CaptureMetadata(exposure_time=1.0)), "exposure", "1 s"),
+        ((PLAIN, CaptureMetadata(exposure_time=0.5)), "exposure", "0.5 s"),
+        ((PLAIN, CaptureMetadata(exposure_time=1 / 3)), "exposure", "1/3 s"),
+        ((PLAIN, CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1))), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
+        ((PLAIN, CaptureMetadata(description="two\nlines \x1b[31m")), "description", "two lines  [31m"),
     ],
 )
-def test_what_is_not_known_or_all_alike(tmp_path: Path, calibrated: SensorCalibration, name: str, value: str) -> None:
-    path = save(tmp_path / "shot.dng", Mosaic(frame(2000), CfaPattern.bayer(), calibrated))
-    shown = rows(run("inspect", path).out)
+def test_what_is_not_known_or_all_alike_and_capture_data_with_units(tmp_path: Path, fields: Any, name: str, value: str) -> None:
+    shown = rows(told(tmp_path, *fields))
     assert shown[name] == value
-    assert not {"exposure", "taken", "make", "orientation"} & set(shown)
-
-
-@pytest.mark.parametrize(
-    ("metadata", "name", "value"),
-    [
-        (CaptureMetadata(exposure_time=1.0), "exposure", "1 s"),
-        (CaptureMetadata(exposure_time=0.5), "exposure", "0.5 s"),
-        (CaptureMetadata(exposure_time=1 / 3), "exposure", "1/3 s"),
-        (CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1)), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
-        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
-    ],
-)
-def test_capture_data_with_their_units(tmp_path: Path, metadata: CaptureMetadata, name: str, value: str) -> None:
-    path = save(tmp_path / "shot.dng", Mosaic(frame(2000), CfaPattern.bayer(), PLAIN, metadata))
-    assert rows(run("inspect", path).out)[name] == value
+    assert {"exposure", "taken", "make", "orientation", "description"} & set(shown) <= {name}
 
 
 @pytest.mark.parametrize(
@@ -141,7 +140,7 @@ def archive(folder: Path) -> list[Path]:
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: int) -> None:
     paths = archive(tmp_path)
-    outcome = run("inspect", "--verify", tmp_path, "--workers", str(jobs))
+    outcome = run("inspect", "--verify", tmp_path, paths[0], "--workers", str(jobs))  # one is named twice
     assert (outcome.code, outcome.out, outcome.errors) == (0, "4 whole, 0 damaged\n", [])
     assert outcome.err.startswith(f"{tmp_path}: left out note.txt\n")
     assert "made" not in outcome.err
@@ -168,11 +167,4 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         f"{path}: damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
-    assert outcome.out.splitlines() == [
-        "0 whole, 1 damaged, 1 that cannot be read",
-        f"  {path}",
-        f"  {tmp_path}/absent.dng",
-    ]
-    (tmp_path / "empty").mkdir()
-    outcome = run("inspect", "--verify", tmp_path / "empty")
-    assert_refused(outcome, "no .dng file is in this folder or below it", name=str(tmp_path / "empty"))
+    assert outcome.out == f"0 whole, 1 damaged, 1 that cannot be read\n  {path}\n  {tmp_path}/absent.dng\n"

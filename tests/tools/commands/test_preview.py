@@ -1,116 +1,105 @@
+"""`panchroma preview` and `export-preview`: the command gives what the camera gives, and the graph that gives it."""
+
 import json
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from device import Preview
-from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from device.preview.graph import build_preview
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
-from tests.python import run_python
 from tests.tools.command import assert_refused, run
+from tests.tools.rendering.examples import save_mosaic
 
 JPEG_LOSS = 2.0
 """Codes of mean difference that JPEG at quality 95 may make on these pictures."""
 ORIENTATION = 274
+SHIFTED = CfaPattern.bayer(6, "GRBG", (1, 4))
 
 
-def shot(folder: Path, name: str = "shot.dng", pattern: CfaPattern | None = None, **metadata: object) -> Path:
+def shot(path: Path, pattern: CfaPattern = SHIFTED, **metadata: Any) -> Path:
     """A soft picture, so that JPEG takes little from it; its own preview is black."""
-    pattern = pattern or CfaPattern.bayer(6, "GRBG", (1, 4))
     rows, columns = np.ogrid[:61, :95]
     codes = (1400 + 800 * np.sin(rows / 11) + 600 * np.cos(columns / 17)).astype(np.uint16)
-    calibration = SensorCalibration(
-        channels=pattern.channels, black_level=(256.0,) * (len(pattern.channels) + 1), white_level=3840, neutral=None
-    )
-    mosaic = Mosaic(codes, pattern, calibration, CaptureMetadata(**metadata))  # type: ignore[arg-type]
-    write_dng(folder / name, mosaic, np.zeros((61, 95, 3), np.uint8))
-    return folder / name
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=3840, neutral=None)
+    return save_mosaic(path, Mosaic(codes, pattern, calibration, CaptureMetadata(**metadata)))
 
 
-def picture(path: Path, scale: int = 1) -> ByteArray:
-    mosaic = read_dng(path)
+def picture(path: Path, scale: int = 1, **changes: Any) -> ByteArray:
+    mosaic = replace(read_dng(path), **changes)
     return np.asarray(Preview.for_mosaic(mosaic, scale).run(mosaic), np.uint8)
 
 
-def decoded(jpeg: Path | bytes) -> ByteArray:
-    return np.asarray(Image.open(BytesIO(jpeg) if isinstance(jpeg, bytes) else jpeg).convert("RGB"))
-
-
-def distance(first: ByteArray, second: ByteArray) -> float:
-    assert first.shape == second.shape
-    return float(np.abs(first.astype(float) - second).mean())
+def distance(jpeg: Path | ByteArray, expected: ByteArray) -> float:
+    """Mean difference of a picture, or a file with one."""
+    found = np.asarray(Image.open(BytesIO(jpeg.read_bytes())).convert("RGB")) if isinstance(jpeg, Path) else jpeg
+    assert found.shape == expected.shape
+    return float(np.abs(found.astype(float) - expected).mean())
 
 
 @pytest.mark.parametrize("scale", [1, 2, 3])
 def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
-    source = shot(tmp_path)
+    source, made = shot(tmp_path / "shot.dng"), tmp_path / "shot.jpg"
     outcome = run("preview", source, "-o", tmp_path, "--scale", str(scale), code=0)
-    assert (
-        distance(decoded(tmp_path / "shot.jpg"), picture(source, scale))
-        < JPEG_LOSS
-        < distance(picture(source)[::-1], picture(source))
-    )
-    assert outcome.out.startswith(f"{tmp_path / 'shot.jpg'}: {95 // scale} x {61 // scale}, ")
+    assert distance(made, picture(source, scale)) < JPEG_LOSS < distance(picture(source)[::-1], picture(source))
+    assert outcome.out.startswith(f"{made}: {95 // scale} x {61 // scale}, ")
 
 
 def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> None:
-    source = shot(tmp_path, orientation=6, make="Acme")
-    run("preview", source, "-o", tmp_path, code=0)
+    run("preview", shot(tmp_path / "shot.dng", orientation=6, make="Acme"), "-o", tmp_path, code=0)
     with Image.open(tmp_path / "shot.jpg") as image:
-        assert image.size == (95, 61)
         exif = image.getexif()
-        assert exif[ORIENTATION] == 6
-        assert exif[271] == "Acme"
+        assert (image.size, exif[ORIENTATION], exif[271]) == ((95, 61), 6, "Acme")
         assert exif.get_ifd(34665)[40961] == 1  # sRGB
 
 
 def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "text.dng").write_text("no shot")
-    sources = [
-        shot(tmp_path, "a.dng"),
-        tmp_path / "text.dng",
-        shot(tmp_path, "b.dng", CfaPattern.bayer(5)),
-        shot(tmp_path, "c.dng"),
-    ]
+    sources = [tmp_path / f"{name}.dng" for name in ("a", "text", "b", "c")]
+    for source, pattern in zip(sources, (SHIFTED, None, CfaPattern.bayer(5), SHIFTED), strict=True):
+        if pattern:
+            shot(source, pattern)
     outcome = run("preview", *sources, "-o", tmp_path, "--json")
     assert_refused(outcome, "not a DNG", name=str(tmp_path / "text.dng"))
     assert [record["ok"] for record in outcome.records] == [True, False, True, True]
-    assert outcome.records[0] | {"preview_ms": 0} == {
-        "source": str(sources[0]),
-        "ok": True,
-        "output": str(tmp_path / "a.jpg"),
-        "width": 95,
-        "height": 61,
-        "preview_ms": 0,
-    }
+    facts = {"source": str(sources[0]), "ok": True, "output": str(tmp_path / "a.jpg"), "width": 95, "height": 61, "preview_ms": 0}
+    assert outcome.records[0] | {"preview_ms": 0} == facts
     assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
-    assert distance(decoded(tmp_path / "b.jpg"), picture(sources[2])) < JPEG_LOSS
+    assert distance(tmp_path / "b.jpg", picture(sources[2])) < JPEG_LOSS
 
 
 def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
-    source, made = shot(tmp_path), [tmp_path / quality for quality in ("20", "100")]
+    source, made = shot(tmp_path / "shot.dng"), [tmp_path / quality for quality in ("20", "100")]
     assert [run("preview", source, "-o", folder, "--quality", folder.name).code for folder in made] == [0, 0]
     assert len({(folder / "shot.jpg").stat().st_size // 1000 for folder in made}) == 2
 
 
 def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
-    source, file = shot(tmp_path), tmp_path / "camera.json"
-    own = read_dng(source)
-    camera = replace(own.calibration, black_level=(900.0,) * 4)
+    source, file = shot(tmp_path / "shot.dng"), tmp_path / "camera.json"
+    camera = replace(read_dng(source).calibration, black_level=(900.0,) * 4)
     file.write_text(json.dumps(Camera(camera).to_json()))
     run("preview", source, "-o", tmp_path, "--camera", file, code=0)
-    mosaic = replace(own, calibration=camera)
-    expected = np.asarray(Preview.for_mosaic(mosaic).run(mosaic), np.uint8)
-    assert distance(decoded(tmp_path / "shot.jpg"), expected) < JPEG_LOSS < distance(expected, picture(source))
+    expected = picture(source, calibration=camera)
+    assert distance(tmp_path / "shot.jpg", expected) < JPEG_LOSS < distance(expected, picture(source))
 
 
-def test_help_does_not_wait_for_onnxruntime() -> None:
-    script = (
-        "import sys\nfrom tools.cli import main\n"
-        "try:\n    main(['preview', '--help'])\nexcept SystemExit:\n    print('onnxruntime' in sys.modules)"
-    )
-    assert run_python(script).splitlines()[-1] == "False"
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ("", build_preview(CfaPattern.bayer(6))),
+        ("--pattern GBWW/RGWW/WWWW/WWWW", build_preview(CfaPattern.bayer(4, "GBRG"))),
+        ("--scale 3", build_preview(CfaPattern.bayer(6), 3)),
+        ("--space camera --period 4", build_preview(CfaPattern.bayer(4), linear=True)),
+    ],
+)
+def test_the_graph_is_the_one_asked_for(tmp_path: Path, options: str, expected: bytes) -> None:
+    path = tmp_path / "g.onnx"
+    outcome = run("export-preview", "-o", path, *options.split(), code=0)
+    assert path.read_bytes() == expected
+    assert outcome.out == f"{path}: {len(expected)} bytes\n"

@@ -47,6 +47,7 @@ USAGE = {
         "--workers 2 --scheduler tcp://a:1": "--workers cannot be used with a scheduler",
         "--scheduler ''": "--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE",
         "--scheduler tcp://a:1 --scheduler-file b": "--scheduler and --scheduler-file name the same thing",
+        "--scheduler-file missing.json": "missing.json: there is no such file",
         "--uncertainty -f png": "scene units",
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
@@ -146,6 +147,16 @@ PATTERNS = {
     "--pattern nothing.txt": "--pattern 'nothing.txt': is not the capital letters",
     "--pattern wrong.txt": "wrong.txt: the rows of 'RGW/GBWW' differ in length",
 }
+# Every kind of value.
+VALUES = {
+    ("simulate builtin:24x18 -o out", "light"): (("1/0", "1/", "/4", "bright", ""), "a number, or a fraction such as 1/4"),
+    (f"design -o out {SHORT}", "read-noise"): (("-1", "nan", "inf", "x", ""), "a number from 0 on"),
+    ("render shot.dng -o out", "threads"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
+    ("simulate builtin:24x18 -o out", "seed"): (("-1", "1.5"), "a whole number from 0 on"),
+    ("burst frames -o out", "shifts"): (("1", "1,2,3", "1,x", ""), "2 numbers with commas between them, such as 2,-0.5"),
+}
+for (command, option), (texts, expected) in VALUES.items():
+    USAGE[command] |= {f"--{option}={text}": f"{text!r} is not {expected}" for text in texts}
 for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -o out", "view builtin:64x48@9"):
     USAGE[with_pattern] |= PATTERNS
 USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import tifffile
 from PIL import Image
 
 import panchroma
-from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
+from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
 from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
@@ -40,12 +41,14 @@ def simulate(out: Path, *options: str | Path) -> Any:
 
 
 def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
-    expected = simulate_additive(builtin_scene(24, 18).rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(7, SHOT))
-    shot = simulate(out, "--sigma", "0.02", "--seed", "7")
+    scene = builtin_scene(24, 18).rgb
+    expected = simulate_additive(scene, CfaPattern.bayer(), camera(), 0.02, noise_of(7, SHOT))
+    shot, truth = simulate(out, "--sigma", "0.02", "--seed", "7", "--truth"), tifffile.imread(out / TRUTH)
     assert np.array_equal(shot.codes, expected.codes)
-    assert shot.pattern == expected.pattern
-    assert shot.calibration == expected.calibration
-    assert names(out) == {SHOT}
+    assert (shot.pattern, shot.calibration) == (expected.pattern, expected.calibration)
+    assert names(out) == {SHOT, TRUTH}
+    assert truth.dtype == np.float32
+    assert np.array_equal(truth, scene)
 
 
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
@@ -98,14 +101,6 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tm
         assert np.array_equal(read_dng(out / "flat1.dng").codes, one)
 
 
-def test_the_truth_is_the_scene_in_float32(out: Path) -> None:
-    simulate(out, "--truth", "--sigma", "0.1")
-    truth = tifffile.imread(out / TRUTH)
-    assert truth.dtype == np.float32
-    assert np.array_equal(truth, builtin_scene(24, 18).rgb)
-    assert names(out) == {SHOT, TRUTH}
-
-
 @pytest.mark.parametrize("light", [0.25, 1, 3])
 @pytest.mark.parametrize(
     "more", [(), ("--shading", "1,10"), ("--reduce", "2"), ("--burst", "2", "--motion", "1", "--bracket=1,-1")]
@@ -127,23 +122,16 @@ def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tup
 
 
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
-    noise = NoiseModel((0.001,) * 4, (0.02,) * 4)
-    calibration = SensorCalibration(
-        gamma=(0.8, 1.0, 1.2), noise=noise, black_level=(60, 61, 62, 63), white_level=1000, neutral=(0.5, 1, 0.7), sensor="mine"
-    )
+    levels: dict[str, Any] = {"black_level": (60, 61, 62, 63), "white_level": 1000, "neutral": (0.5, 1, 0.7), "sensor": "mine"}
+    calibration = SensorCalibration(gamma=(0.8, 1.0, 1.2), noise=NoiseModel((0.001,) * 4, (0.02,) * 4), **levels)
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(calibration.to_json()))
     scene = builtin_scene(24, 18)
     shot = simulate(out, "--camera", path, "--protocol", "sensor")
-    assert shot.calibration.gamma == calibration.gamma
-    assert shot.calibration.noise == noise
-    assert (shot.calibration.black_level, shot.calibration.white_level) == (calibration.black_level, 1000)
-    assert shot.calibration.neutral == (0.5, 1.0, 0.7)
-    assert shot.calibration.camera_to_xyz == scene.camera_to_xyz  # the camera does not know it, the scene does
-    assert shot.calibration.sensor == "mine"
-    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--sensor-bits", "14")
-    assert paper.calibration.noise == NoiseModel.gaussian(0.03, 4)
-    assert (paper.calibration.gamma, paper.calibration.bits) == (calibration.gamma, 14)
+    # The camera does not know the colours, the scene does.
+    assert shot.calibration == replace(read_camera(path).calibration, camera_to_xyz=scene.camera_to_xyz)
+    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--sensor-bits", "14").calibration
+    assert (paper.gamma, paper.bits, paper.noise) == (calibration.gamma, 14, NoiseModel.gaussian(0.03, 4))
 
 
 def test_linear_takes_numbers_for_light(out: Path, tmp_path: Path) -> None:
@@ -157,13 +145,9 @@ def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "ramp.npy", np.linspace(0, 1, 12 * 13 * 3, dtype=np.float32).reshape(12, 13, 3))
     outcome = run("simulate", SOURCE, tmp_path / "ramp.npy", "-o", out, "--json", "--truth", code=0)
     assert [record["ok"] for record in outcome.records] == [True, True]
-    assert outcome.records[1] == {
-        "source": str(tmp_path / "ramp.npy"),
-        "ok": True,
-        "outputs": [str(out / "ramp.dng"), str(out / "ramp.truth.tif")],
-        "width": 13,
-        "height": 12,
-    }
+    outputs = [str(out / name) for name in ("ramp.dng", "ramp.truth.tif")]
+    facts = {"source": str(tmp_path / "ramp.npy"), "ok": True, "outputs": outputs, "width": 13, "height": 12}
+    assert outcome.records[1] == facts
     assert names(out) == {SHOT, TRUTH, "ramp.dng", "ramp.truth.tif"}
 
 

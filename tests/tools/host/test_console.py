@@ -64,32 +64,20 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Square brackets are markup to rich, unless it is told otherwise."""
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("COLUMNS", "100")
-    shown = Console()
-    with shown.progress("[/shot] [bold]x.dng") as progress:
-        progress.stage("luminance", 3)
-        progress.advance()
-        progress.advance(2)
-    shown.close()
-    assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
-
-
-def test_results_do_not_go_where_the_bar_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bar on the terminal, records into a file: both at the same time, each to its place."""
+def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Square brackets are markup to rich, and what goes to stdout belongs above its bar, unless it is told otherwise."""
     terminal, file = Terminal(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(sys, "stdout", file)
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
     shown = Console(json=True)
-    with shown.progress("render") as progress:
-        progress.stage("shots", 2)
+    with shown.progress("[/shot] [bold]x.dng") as progress:
+        progress.stage("luminance", 3)
+        progress.advance(3)
         shown.record(source="a.dng", ok=True)
     shown.close()
+    assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
     assert file.getvalue() == '{"source": "a.dng", "ok": true}\n'
     assert "a.dng" not in terminal.getvalue()
 

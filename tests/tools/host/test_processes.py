@@ -1,6 +1,5 @@
 """Processes that share the work: each piece once, a dead one replaced, none left behind; and several commands in one folder."""
 
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +16,7 @@ from offline import PAPER
 from shared import read_dng
 from shared.errors import InputError, PanchromaError
 from tests.data import ROOT
-from tests.tools.command import contents, results, run, start
+from tests.tools.command import contents, ended, results, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import signals
 from tools.host.console import WorkerFault, fault
@@ -164,11 +163,8 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Pa
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
     running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--workers", "1") for _ in range(3)]
-    said = [process.communicate(timeout=100) for process in running]
-    assert [process.returncode for process in running] == [0, 0, 0], said
-    made = [
-        record["output"] for output, _ in said for line in output.splitlines() if not (record := json.loads(line)).get("current")
-    ]
+    records = [record for process in running for record in ended(process, code=0).records]
+    made = [record["output"] for record in records if not record.get("current")]
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))
     assert results(out) == {f"{seed}.tif" for seed in range(count)}
     assert len((out / NAME).read_text().splitlines()) == count

@@ -3,14 +3,12 @@
 import ctypes
 import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import suppress
 
 import pytest
 
-from tests.data import ROOT
+from tests.tools.command import spawn
 from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, run_jobs
 from tools.host.progress import StageProgress
@@ -86,5 +84,4 @@ with orderly_end(last=True):
 os.kill(os.getpid(), {int(number)})
 raise SystemExit(0)
 """
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=False)
-    assert (ended.returncode, ended.stderr) == (128 + number, "")
+    assert spawn(script=script, code=128 + number).err == ""

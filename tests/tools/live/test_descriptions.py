@@ -4,15 +4,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from device.capture.frames import FrameLayout
 from shared import CfaPattern, SensorCalibration
 from shared.errors import InputError
 from shared.sensor import simulate_additive
-from tests.device.capture.checks.test_frame_check import KODAK, PATTERN, SIZE, look, refusal, sensor
+from tests.device.capture.checks.test_frame_check import KODAK, PATTERN, SIZE, look, of, refusal
 from tools.scenes.drawn.builtin import builtin_scene
 
 SCENE = builtin_scene(SIZE[1], SIZE[0]).rgb
-LAYOUT = FrameLayout(SIZE[1], SIZE[0], "u16")
 
 
 def frame(pattern: CfaPattern) -> bytes:
@@ -21,11 +19,11 @@ def frame(pattern: CfaPattern) -> bytes:
 
 
 def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
-    assert "or one with scattered colours, which `pattern` describes" in refusal(frame(KODAK), sensor(LAYOUT))
+    assert "or one with scattered colours, which `pattern` describes" in refusal(frame(KODAK), of())
     words = "a sensor without colour filters, or another `pattern`, `period` or `origin`"
-    assert words in refusal(frame(PATTERN), sensor(LAYOUT, KODAK))
+    assert words in refusal(frame(PATTERN), of(pattern=KODAK))
     bayer = np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         bayer[row::2, column::2] = SCENE[row::2, column::2, channel]
     with suppress(InputError):  # its greens are where panchromatic pixels would be
-        assert look((256 + 3000 * bayer.clip(0, 1)).astype("<u2").tobytes(), sensor(LAYOUT, KODAK))
+        assert look((256 + 3000 * bayer.clip(0, 1)).astype("<u2").tobytes(), of(pattern=KODAK))

@@ -20,7 +20,7 @@ from shared.dng import decode_preview
 from shared.errors import InputError
 from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
-from tests.tools.command import Outcome, run, spawn, start
+from tests.tools.command import Outcome, ended, run, shots, spawn, start
 from tests.tools.live.fake_camera import ALONE, LIBRARY, FakeCamera
 from tools.live.genicam import libraries
 
@@ -76,10 +76,6 @@ def capturing(camera: FakeCamera, out: Path) -> subprocess.Popen[str]:
     return process
 
 
-def shots(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.dng"))
-
-
 @needs_camera
 @pytest.mark.parametrize("kind", [MONO8, MONO12P])  # the other tests take Mono12
 def test_shots_have_the_cameras_samples_and_settings(
@@ -126,13 +122,10 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
     camera = plug()
     first = capturing(camera, out)
     assert "another program has the camera" in capture(camera, "-o", out, *TILE, code=2).err
-    first.send_signal(signal.SIGINT)
-    first.communicate(timeout=60)
-    assert first.returncode == 130
+    ended(first, signal.SIGINT, code=130)
     third = capturing(camera, out)  # at once: the first has let it go
     camera.process.kill()
-    _, told = third.communicate(timeout=60)
-    assert third.returncode == 1, told
+    told = ended(third, code=1).err
     assert re.search(r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was unplugged", told)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
     assert {path.suffix for path in out.iterdir()} == {".dng"}
@@ -143,8 +136,7 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
     """It would go on sending to the one that was killed, had the next one not told it to stop."""
     camera = plug()
     first = capturing(camera, out)
-    first.kill()
-    first.communicate()
+    ended(first, signal.SIGKILL)
     while "another program has the camera" in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err:
         time.sleep(0.2)
     assert outcome.code == 0, outcome.err
@@ -155,9 +147,7 @@ def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> Non
     process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
     told = "".join(process.stderr.readline() for _ in range(3))
     assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in told
-    process.send_signal(signal.SIGTERM)
-    assert process.communicate(timeout=60)[1] == "0 saved, 0 dropped\n"
-    assert process.returncode == 0
+    assert ended(process, signal.SIGTERM, code=0).err == "0 saved, 0 dropped\n"
 
 
 @needs_camera
@@ -170,10 +160,9 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
         (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
         (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
     ):
-        outcome = capture(camera, "-o", out, *wrong, code=2)
-        assert words in outcome.err
-    outcome = capture(camera, "-o", out, source="genicam:another", code=2)
-    assert "'another' not found; genicam: alone lists the cameras" in outcome.err
+        assert words in capture(camera, "-o", out, *wrong, code=2).err
+    told = capture(camera, "-o", out, source="genicam:another", code=2).err
+    assert "'another' not found; genicam: alone lists the cameras" in told
 
 
 @needs_camera
@@ -215,9 +204,7 @@ def test_the_viewfinder_shows_it(plug: Plug) -> None:
     fetch = "import sys, urllib.request; sys.stdout.buffer.write(urllib.request.urlopen(sys.argv[1]).read(1000))"
     line = [*camera.beside, sys.executable, "-c", fetch, f"{found[0]}stream.mjpg"]
     assert b"\xff\xd8\xff" in subprocess.run(line, capture_output=True, check=True, timeout=60).stdout  # a JPEG begins
-    process.send_signal(signal.SIGTERM)
-    _, told = process.communicate(timeout=60)
-    assert (process.returncode, told.count("panchroma:")) == (0, 0), told
+    assert "panchroma:" not in ended(process, signal.SIGTERM, code=0).err
 
 
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

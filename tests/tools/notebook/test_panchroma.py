@@ -1,6 +1,5 @@
 """`import panchroma`: the same results as the commands and the libraries, shown, and errors about arguments."""
 
-import doctest
 import json
 import pydoc
 import re
@@ -15,7 +14,6 @@ import pytest
 
 import offline
 import panchroma
-from panchroma import arguments
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
@@ -271,10 +269,6 @@ def test_an_error_names_what_is_wrong_and_no_option(
         wrong()
     assert said in str(caught.value)
     assert "--" not in str(caught.value)
-
-
-def test_the_examples_of_arguments_are_true() -> None:
-    assert doctest.testmod(arguments).failed == 0
 
 
 def test_a_lens_is_simulated_and_known() -> None:

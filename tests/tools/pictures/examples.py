@@ -1,7 +1,6 @@
 """Small pictures, and how they are written."""
 
 from dataclasses import replace
-from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,28 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from shared import CaptureMetadata, SensorCalibration
+from shared import SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
+from tests.shared.dng import examples
 from tools.pictures.development import Development, write_picture
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import upright
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
-METADATA = CaptureMetadata(
-    make="Acme",
-    model="Käthe 3",
-    lens="Acme 50mm",
-    artist="Ada Lovelace",
-    description="Zwei Bäume",
-    taken=datetime(2024, 5, 6, 7, 8, 9),  # noqa: DTZ001  Exif's local time
-    exposure_time=1 / 250,
-    f_number=2.8,
-    iso=400,
-    focal_length=50.0,
-    orientation=6,
-)
+METADATA = replace(examples.METADATA, more=())
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [
     PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths

@@ -2,7 +2,6 @@
 
 import io
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from PIL import Image, ImageCms
 
 from shared.colorimetry import decode_srgb, encode_srgb
 from shared.display import SPACES
-from tests.exiftool import exiftool
 from tools.pictures.embedded import icc_profile
 from tools.pictures.samples import quantise
 
@@ -22,7 +20,7 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
     codes = np.concatenate([ramp, np.random.default_rng(4).integers(0, 256, (32, 256, 3), np.uint8)])
     converted = ImageCms.profileToProfile(
         Image.fromarray(codes),
-        ImageCms.ImageCmsProfile(io.BytesIO(icc_profile(name))),
+        profile := ImageCms.ImageCmsProfile(io.BytesIO(data := icc_profile(name))),
         ImageCms.createProfile("sRGB"),
         renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
     )
@@ -31,15 +29,6 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
     in_srgb = linear @ (np.linalg.inv(SPACES["srgb"].to_xyz) @ SPACES[name].to_xyz).T
     expected = quantise(encode_srgb(in_srgb.astype(np.float32)), 8)
     assert np.abs(np.asarray(converted).astype(int) - expected).max() <= 1
-
-
-@pytest.mark.parametrize("name", SPACES)
-def test_exiftool_finds_the_profile_valid(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "profile.icc"
-    path.write_bytes(profile := icc_profile(name))
-    (count,) = struct.unpack_from(">I", profile, 128)
-    assert all(place % 4 == 0 for _, place, _ in struct.iter_unpack(">4sII", profile[132 : 132 + 12 * count]))
-    report = exiftool("-validate", "-warning", "-a", "-ProfileDescription", path).decode()
-    assert "OK" in report
-    assert "Warning" not in report
-    assert SPACES[name].title in report
+    assert ImageCms.getProfileDescription(profile) == SPACES[name].title + "\n"
+    places = struct.iter_unpack(">4sII", data[132 : 132 + 12 * int.from_bytes(data[128:132], "big")])
+    assert all(place % 4 == 0 for _, place, _ in places)

@@ -29,31 +29,20 @@ def shot() -> Shown:
     return mosaic, rgb.sum(axis=2), rgb  # what a perfect render finds
 
 
-def test_the_overview_draws_both_patterns(shot: Shown) -> None:
-    sheet = overview(*shot, (10, 12))
-    cell = PANEL // 12
-    margin = (PANEL - 12 * cell) // 2
-
-    def drawn(column: int) -> list[str]:
-        names = {colour: letter for letter, colour in FILTERS.items()}
-        pixels = panel(sheet, 0, column)[margin + cell // 2 :: cell, margin + cell // 2 :: cell][:12, :12]
-        return ["".join(names[tuple(pixel)] for pixel in row) for row in pixels.tolist()]
-
-    assert drawn(0) == ["RG" * 6, "GB" * 6] * 6
-    tile = CfaPattern.bayer(6).tile
-    assert drawn(1) == [row * 2 for row in tile] * 2
-
-
-def test_the_overview_shows_holes_where_the_colour_is(shot: Shown) -> None:
+def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is(shot: Shown) -> None:
     sheet = overview(*shot, (12, 12))  # a block begins here
+    cell = PANEL // 12
+    middles = slice((PANEL - 12 * cell + cell) // 2, 12 * cell, cell)
+    names = {colour: letter for letter, colour in FILTERS.items()}
+    for column, tile in enumerate((["RG" * 3, "GB" * 3] * 3, CfaPattern.bayer(6).tile)):
+        drawn = panel(sheet, 0, column)[middles, middles].tolist()
+        assert ["".join(names[tuple(pixel)] for pixel in row) for row in drawn] == [row * 2 for row in tile] * 2
     factor = PANEL // illustrations._SHOWN
     places = ((0, 2), (1, 0), (1, 1))
     samples, colours, filled = (panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int) for place in places)
     assert samples[0, 0].max() < samples[3, 3].min() - 20  # one channel is darker than the sum of three
     assert np.ptp(filled[:4, :4].max(axis=2)) <= 2  # and the hole is filled
-    assert colours[0, 0].argmax() == 0
-    assert colours[0, 1].argmax() == 1
-    assert colours[1, 1].argmax() == 2
+    assert [colours[place].argmax() for place in ((0, 0), (0, 1), (1, 1))] == [0, 1, 2]
     assert (colours[3, 3] == colours[4, 4]).all()  # nothing there
 
 

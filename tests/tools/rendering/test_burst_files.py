@@ -9,7 +9,7 @@ import pytest
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
 from tools.host.folders import DNGS, Source, search
-from tools.rendering.burst_files import BurstFile, leave_odd_ones_out, series, series_stem
+from tools.rendering.burst_files import series, series_stem
 from tools.rendering.burst_report import CELL, Shown, most_different
 
 
@@ -68,15 +68,6 @@ def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: 
 )
 def test_a_picture_is_called_by_what_its_frames_have_in_common(names: list[str], stem: str) -> None:
     assert series_stem(names) == stem
-
-
-def test_frames_that_are_not_like_most_others_are_left_out() -> None:
-    usual, other = SensorCalibration(), SensorCalibration(gamma=(0.9, 1.0, 1.1))
-    mosaics = [Mosaic(np.zeros((13, 14), np.float32), CfaPattern.bayer(), each) for each in (other, usual, usual)]
-    for reference, out in ((None, [0]), (0, [1, 2])):
-        frames = [BurstFile(str(index), mosaic) for index, mosaic in enumerate(mosaics)]
-        leave_odd_ones_out(frames, reference)
-        assert [index for index, frame in enumerate(frames) if "another calibration" in frame.reason] == out
 
 
 # --- report ----------------------------------------------------------------------------------------------------------------------

@@ -13,9 +13,10 @@ import offline
 from offline import BEST, PRESETS, available_threads, threads, use_threads
 from offline.kernels.arrays import Floats1
 from offline.kernels.compile import ParallelKernel, Pieces
-from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared import CfaPattern, Mosaic, SensorCalibration
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
+from tests.tools.rendering.examples import save_mosaic
 from tools.host import memory
 from tools.host.memory import allowed_memory, available_memory, format_bytes, parse_bytes
 from tools.host.progress import LineProgress, StageProgress
@@ -34,11 +35,6 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
     codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
     repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
     return Mosaic(repeated, pattern or CfaPattern.bayer(), SensorCalibration(black_level=(256.0,) * 4, white_level=4095))
-
-
-def save(path: Path, shape: tuple[int, int]) -> Path:
-    write_dng(path, mosaic(shape), np.zeros((8, 8, 3), np.uint8))
-    return path
 
 
 # --- how much -------------------------------------------------------------------------------------------------------------------
@@ -83,7 +79,7 @@ def test_sizes_are_rounded_up(size: int, words: str) -> None:
     ("name", "bits", "preset"), [("tif", "16", "best"), ("jxl", "32", "paper"), ("dng", "16", "paper"), ("exr", "32", "paper")]
 )
 def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, name: str, bits: str, preset: str) -> None:
-    shot = save(tmp_path / "shot.dng", LARGE)
+    shot = save_mosaic(tmp_path / "shot.dng", mosaic(LARGE))
     script = (
         "import re; from pathlib import Path; from tools.cli import main\n"
         "try: main()\n"
@@ -133,7 +129,8 @@ def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "tif"])
 def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, name: str) -> None:
-    shot, frame = save(tmp_path / "shot.dng", (600, 450)), mosaic((600, 450))
+    frame = mosaic((600, 450))
+    shot = save_mosaic(tmp_path / "shot.dng", frame)
     need = {each: checks.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
     limit = str((need["tif"] + need[name]) // 2)
     outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
@@ -158,7 +155,7 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     monkeypatch.setattr("tools.rendering.attempt.write_picture", recorded)
     before = threads()
     try:
-        run("render", save(tmp_path / "shot.dng", SMALL), "-o", out, "-j", option, code=0)
+        run("render", save_mosaic(tmp_path / "shot.dng", mosaic(SMALL)), "-o", out, "-j", option, code=0)
     finally:
         use_threads(before)
     assert seen == [(used, used)]

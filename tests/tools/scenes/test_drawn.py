@@ -10,8 +10,7 @@ from shared.colorimetry import D50, SRGB_TO_XYZ
 from shared.errors import InputError
 from tools.camera.filters import Filters, filters_for
 from tools.scenes.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT, builtin_scene
-from tools.scenes.drawn.charts import COOL, WARM
-from tools.scenes.drawn.color_checker import BRIGHTEST, COLOR_CHECKER_LAB, DARKEST, color_checker
+from tools.scenes.drawn.charts import BRIGHTEST, COLOR_CHECKER_LAB, COOL, DARKEST, WARM, color_checker
 from tools.scenes.drawn.spectral import BANDS, PATCHES, light, metamers, spectral_scene
 from tools.scenes.drawn.spectral import CHARTS as SPECTRAL_CHARTS
 from tools.scenes.load import load_scene

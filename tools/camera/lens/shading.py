@@ -61,7 +61,7 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     >>> from tools.camera.lens import lens_shading
     >>> lens = lens_shading(2, 0.15, 4, (600, 900))
     >>> [round(float(lens.of_plane((600, 900), plane)[0, 0]), 2) for plane in range(4)]
-    [4.68, 3.99, 3.46, 3.99]
+    [4.69, 3.99, 3.47, 3.99]
     """
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
     square = ((shape[0] * place) ** 2)[:, None] + (shape[1] * place) ** 2

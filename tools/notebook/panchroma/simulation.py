@@ -15,8 +15,7 @@ from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
 from tools.camera.lens import check_lens, lens_of
 from tools.camera.protocols import chosen_protocol
-from tools.camera.scene_sources import scene_in_array, scene_in_file, scene_of_light
-from tools.camera.simulated_camera import SimulatedCamera
+from tools.camera.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
 from .arguments import checked
 from .pictures import Picture

@@ -48,8 +48,7 @@ def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = 
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
     """
-    level, shape = jpeg_level(quality), (codes.shape[0], codes.shape[1])
-    segments = jpeg_segments(shape, icc, encode_tiff(jpeg_directory(metadata, shape, srgb=True)))
+    level, segments = jpeg_level(quality), jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
     return join_strips([encode_strip(rows, level, "444") for rows in regrouped([codes], ROWS)], segments)
 
 
@@ -67,13 +66,13 @@ def jpeg_level(quality: int | None) -> int:
 
 def development_segments(development: Development) -> bytes:
     """The segments of a JPEG of a rendering."""
-    shape, srgb = development.written_shape, development.kind.space == "srgb"
-    return jpeg_segments(shape, development.icc, encode_tiff(jpeg_directory(development.noted, shape, srgb=srgb)))
+    srgb = development.kind.space == "srgb"
+    return jpeg_segments(development.written_shape, development.icc, development.noted, srgb=srgb)
 
 
-def jpeg_segments(shape: tuple[int, int], icc: bytes, exif: bytes) -> bytes:
-    """The segments of a JPEG of (rows, columns) with Exif and profile; for errors see `encode_jpeg`."""
-    height, width = shape
+def jpeg_segments(shape: tuple[int, int], icc: bytes, metadata: CaptureMetadata, *, srgb: bool) -> bytes:
+    """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see `encode_jpeg`."""
+    (height, width), exif = shape, encode_tiff(jpeg_directory(metadata, shape, srgb=srgb))
     if max(height, width) > LONGEST_SIDE:
         raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:

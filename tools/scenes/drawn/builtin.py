@@ -8,8 +8,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 
 from ..scene import Scene
-from .charts import Paints, colour_star, detail_chart, grey_star, patches_chart, rgb_paints
-from .color_checker import BRIGHTEST, CARD, DARKEST
+from .charts import BRIGHTEST, CARD, DARKEST, Paints, colour_star, detail_chart, grey_star, patches_chart, rgb_paints
 from .dead_leaves import STRIP, Materials, dead_leaves, rgb_materials
 
 SAMPLES = 3  # per pixel and axis of a chart

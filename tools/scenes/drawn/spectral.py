@@ -104,7 +104,7 @@ def metamer_chart(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) 
     section = np.clip(x * len(_STRIPES), 0, len(_STRIPES) - 1).astype(int)
     patches: BoolArray = x * len(pairs) % 1 < 0.5
     stripes: BoolArray = x // np.array(_STRIPES)[section] % 2 < 1
-    letters = ink("PANCHROMA", x - 0.06, y - 0.80, 0.105, 0.88)
+    letters = ink(x - 0.06, y - 0.80, 0.105)
     first = np.where(y < 0.4, patches, np.where(y < 0.7, stripes, letters))
     return np.array(pairs)[np.where(y < 0.4, pair, 0), np.where(first, 0, 1)]
 
