@@ -86,7 +86,7 @@ class Edges:
     sample: DoubleArray
     variance: DoubleArray
     noise: DoubleArray
-    _spline: FloatArray  # (N * height, width): windows of luminance with their margins, as coefficients
+    _spline: FloatArray  # (N, height, width): windows of luminance with their margins, as coefficients
     _curvature: FloatArray  # likewise, squared
 
     def luminance(self, down: DoubleArray, right: DoubleArray) -> DoubleArray:
@@ -109,19 +109,16 @@ class Edges:
         return slope(reach, 0), slope(0, reach)
 
     def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
-        first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
+        count, height, width = plane.shape
+        first = np.arange(count)[:, None] * height + _MARGIN
         down, right = (np.clip(each, -_FARTHEST, _FARTHEST) for each in (down, right))
         y, x = first + self.place[:, 0] + down, self.place[:, 1] + right
-        return ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
+        return ndimage.map_coordinates(plane.reshape(-1, width), [y, x + _MARGIN], np.float64, order, prefilter=False)
 
     def chosen(self, which: IndexArray) -> "Edges":
         """Return some of the windows."""
-        count = len(self.sample)
-        parts = {name: getattr(self, name)[which] for name in ("down", "right", "sample", "variance", "noise")}
-        for name in ("_spline", "_curvature"):
-            plane = getattr(self, name)
-            parts[name] = plane.reshape(count, -1, plane.shape[1])[which].reshape(-1, plane.shape[1])
-        return replace(self, line=self.line[:, which], **parts)
+        names = ("down", "right", "sample", "variance", "noise", "_spline", "_curvature")
+        return replace(self, line=self.line[:, which], **{name: getattr(self, name)[which] for name in names})
 
     def of_channels(self, values: DoubleArray) -> DoubleArray:
         """Return sums over the samples of each channel: (N, S) -> (N, C)."""
@@ -178,7 +175,6 @@ def find_edges(name: str, mosaic: Mosaic, filled: Filled, gamma: DoubleArray | N
     windows = _cut(luminance, top, left, side)
     if not pattern.is_scattered:  # whose holes are single pixels
         windows = fill_along_edges(windows, holes)
-    windows = _splines(windows)
     return Edges(
         name,
         shape,
@@ -193,8 +189,8 @@ def find_edges(name: str, mosaic: Mosaic, filled: Filled, gamma: DoubleArray | N
         sample,
         shot * np.maximum(sample, 0) + read**2,
         _cut(variance, top, left, side).mean(axis=(1, 2), dtype=np.float64)[:, None],
-        windows.reshape(-1, windows.shape[2]),
-        _cut(curvature, top, left, side).clip(0).reshape(-1, windows.shape[2]),
+        _splines(windows),
+        _cut(curvature, top, left, side).clip(0),
     )
 
 

@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from shared import Camera, Mosaic, read_camera
@@ -20,34 +19,26 @@ Files = dict[str, list[str]]
 KINDS = "shots", "dark", "flat", "edges"
 
 
-def sort_files(
-    sources: Sequence[str],
-    dark: Sequence[str],
-    flat: Sequence[str],
-    edges: Sequence[str],
-    lights: Mapping[str, Sequence[str]] = MappingProxyType({}),
-) -> tuple[Files, list[Search]]:
+def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
     """Sort the given files by kind; returns also what was found and left out in folders.
 
-    sources: shots, and folders with DNGs in them or below. Of these, what is named dark*, flat* or edges*, or lies in a subfolder
-        of such a name, is a dark or a flat frame or a shot with edges; the others are shots.
-    dark, flat, edges: further dark and flat frames and shots with edges, and folders of them.
-    lights: charts under each of two lights, and folders of them.
+    given: files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under each of two lights. Of shots,
+        what is named dark*, flat* or edges*, or lies in a subfolder of such a name, is a dark or a flat frame or a shot with edges.
 
     Raises InputError for a folder that cannot be read or has no DNG, and for a shot under neither light.
     """
-    files: Files = {kind: [] for kind in (*KINDS, *lights)}
+    files: Files = {kind: [] for kind in given}
     searches = []
-    for given, known in zip((sources, dark, flat, edges, *lights.values()), files, strict=True):
-        found = search(given, DNGS)
+    for known, sources in given.items():
+        found = search(sources, DNGS)
         for folder, what in found.failures:
             raise InputError(f"{folder}: {what}")
         searches.append(found)
         for source in found.sources:
             names = [part.lower() for part in reversed(source.below.parts)] if source.below and known == "shots" else []
-            kinds = (kind for name in names for kind in ("dark", "flat", "edges") if name.startswith(kind))
+            kinds = (kind for name in names for kind in KINDS[1:] if name.startswith(kind))
             files[next(kinds, known)].append(source.name)
-    if lights and files["shots"]:
+    if len(given) > len(KINDS) and files["shots"]:
         raise InputError(f"{files['shots'][0]}: shows a chart under neither light; name it after one of the two `chart_light`")
     return files, searches
 

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
-    from tools.calibration.files import check_output, check_same, read_known, sort_files
+    from tools.calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from tools.calibration.measure import conclude
     from tools.calibration.reference import read_reference
     from tools.calibration.report import report
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     lights = _lights(arguments)
-    files, searches = sort_files(arguments.shots, arguments.dark, arguments.flat, arguments.edges, lights)
+    files, searches = sort_files({kind: getattr(arguments, kind) for kind in KINDS} | lights)
     for search in searches:
         search.report(console)
     if not any(files.values()):

@@ -12,12 +12,14 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, TRUTH, WIDTH, chart, frame, measured, true_place
+from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, REFERENCE, TRUTH, WIDTH, chart, frame, measured, true_place
 from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
 from tools.calibration.gamma import GammaFit, NormalEquations, check_determined, combined, unknowns
+from tools.calibration.measure import conclude
+from tools.calibration.observations import Observations, measure_scene
+from tools.calibration.report import report
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
-from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
 
 GAMMA = np.array(TRUTH.gamma)
@@ -171,23 +173,7 @@ def test_fits_add_up_by_their_information() -> None:
         check_determined(quarrel)
 
 
-def test_an_interval_covers_a_black_level_that_was_assumed() -> None:
-    """Sixteen codes off, as with a sensor that nobody has measured; three shots know it no worse, and no better, than one."""
-    wrong = replace(BLIND, black_level=tuple(black - 16 for black in BLIND.black_level))
-    fits = [fit_chart_gamma(on_chart(frame(chart().rgb, seed=seed, says=wrong)), wrong) for seed in range(3)]
-    assert max(off_by(fit) for fit in (*fits, combined(fits))) < 1.5
-    assert min(abs(fit.black_deviation) for fit in fits) > 4  # and the shots contradict it
-    offset, error = combined(fits).offset
-    assert offset / (1 - GAMMA.sum()) * (4095 - 240) == pytest.approx(16, abs=2)
-    assert error > 0
-
-
-def test_an_interval_covers_a_shading_that_was_not_measured() -> None:
-    """Colours that fall off unlike each other make gamma change over the frame; it is stated for its middle."""
-    lens = replace(TRUTH, shading=lens_shading(1.0, 0.12, 4, chart().shape))
-    fits = []
-    for seed in range(3):
-        taken = simulate_sensor(chart().rgb, CfaPattern.bayer(6), lens, 1.0, np.random.default_rng(seed))
-        fits.append(on_chart(replace(taken, calibration=BLIND)))
-    assert max(off_by(fit_chart_gamma(samples, BLIND)) for samples in fits) < 1.5
-    assert max(off_by(of_chart(samples)) for samples in fits) > 2  # the tempting way is seen to be wrong
+def test_the_report_shows_the_blocks_of_a_scene_which_are_more_than_a_chart_has_patches() -> None:
+    taken = frame(leaves())
+    page = report(conclude(Observations(taken, shots=[measure_scene("leaves.dng", taken)]), REFERENCE), {}).decode()
+    assert page.count("leaves.dng, block: measured ") > 300

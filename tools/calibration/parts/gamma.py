@@ -206,7 +206,8 @@ def _residuals(fits: Sequence[tuple[ShotMeasurement, GammaFit, bool]], colours: 
             name = NAMES[index] if chart else "block"
             dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
             text = f"{shot.name}, {name}: measured {fit.level[index]:.4f}, {percent[index]:+.2f} %{note}"
-            patch = f"fill:{colours[index]};stroke:var(--ink);stroke-width:.6{dashes}"
-            size, style = (5, patch) if chart else (2, "fill:var(--soft);fill-opacity:.35")
+            size, style = 2, "fill:var(--soft);fill-opacity:.35"
+            if chart:
+                size, style = 5, f"fill:{colours[index]};stroke:var(--ink);stroke-width:.6{dashes}"
             plot.dot(fit.level[index], float(np.clip(percent[index], -high, high)), size, text, style)
     return figure(plot.drawn("Residuals of luminance"), "Places beyond the axis are drawn at its ends.")
