@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -148,11 +147,8 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     option: str, used: int, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = []
-
-    def recorded(*given: Any, **named: Any) -> None:
-        seen.append((threads(), named["threads"]))
-
-    monkeypatch.setattr("tools.rendering.attempt.write_picture", recorded)
+    write = "tools.rendering.attempt.write_picture"
+    monkeypatch.setattr(write, lambda *_, **named: seen.append((threads(), named["threads"])))
     before = threads()
     try:
         run("render", save_mosaic(tmp_path / "shot.dng", mosaic(SMALL)), "-o", out, "-j", option, code=0)
@@ -184,10 +180,10 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     )
 
 
-@pytest.fixture
-def compiles(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[int, int], None]]:
-    """The listeners that wait for a compilation; times between remarks are zero."""
-    listening = []
+def test_the_display_or_else_notes_say_how_far_it_is_and_for_which_stage(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listening: list[Callable[[int, int], None]] = []
 
     @contextmanager
     def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
@@ -197,36 +193,22 @@ def compiles(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[int, int], None]
     monkeypatch.setattr(offline, "compilation", compilation)
     monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
     monkeypatch.setattr("tools.host.progress._BETWEEN_REMARKS", 0.0)
-    return listening
-
-
-def told(progress: StageProgress, compiles: list[Callable[[int, int], None]]) -> list[str]:
-    notes: list[str] = []
-    progress.note = notes.append
-    with product.announced_compilation(progress):
-        progress.stage("luminance", 1)
-        compiles[0](1, 3)
-        progress.stage("colour", 1)
-        progress.part("affinity")
-        compiles[0](2, 3)
-    assert notes[0].startswith("compiling the renderer for this processor")
-    return notes[1:]
-
-
-def test_the_display_says_how_far_it_is_and_for_which_stage(
-    compiles: list[Callable[[int, int], None]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert told(LineProgress("x.dng"), compiles) == []
+    noted = []
+    for progress in (LineProgress("x.dng"), StageProgress()):
+        notes: list[str] = []
+        progress.note = notes.append
+        with product.announced_compilation(progress):
+            progress.stage("luminance", 1)
+            listening[-1](1, 3)
+            progress.stage("colour", 1)
+            progress.part("affinity")
+            listening[-1](2, 3)
+        assert notes.pop(0).startswith("compiling the renderer for this processor")
+        noted.append(notes)
+    assert noted == [[], ["compiling kernel 1 of at most 3: luminance", "compiling kernel 2 of at most 3: colour (affinity)"]]
     assert [line for line in capsys.readouterr().err.splitlines() if "compiling" in line] == [
         "x.dng: luminance, compiling kernel 1 of at most 3",
         "x.dng: colour (affinity), compiling kernel 2 of at most 3",
-    ]
-
-
-def test_without_a_display_notes_do(compiles: list[Callable[[int, int], None]]) -> None:
-    assert told(StageProgress(), compiles) == [
-        "compiling kernel 1 of at most 3: luminance",
-        "compiling kernel 2 of at most 3: colour (affinity)",
     ]
 
 

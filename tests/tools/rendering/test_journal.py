@@ -1,6 +1,6 @@
 """The journal: what was written is read, by others too, a cut-off line costs nothing but itself; and what its keys depend on."""
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -123,7 +123,7 @@ def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
     """Waiters who get the lock on a file that has been removed meanwhile have a lock on nothing."""
     inside, most, turns = 0, 0, []
 
-    def work() -> None:
+    def work(_: int) -> None:
         nonlocal inside, most
         for _ in range(100):
             with output_lock(tmp_path / "a.tif", wait=True) as mine:
@@ -133,11 +133,8 @@ def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
                 turns.append(1)
                 inside -= 1
 
-    threads = [threading.Thread(target=work) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, range(4)))
     assert (most, len(turns)) == (1, 400)
     assert list(tmp_path.iterdir()) == []
 

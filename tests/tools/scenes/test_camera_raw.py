@@ -11,7 +11,7 @@ import pytest
 import rawpy
 import tifffile
 
-from shared.arrays import CodeArray
+from shared.arrays import CodeArray, DoubleArray
 from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS
@@ -82,12 +82,14 @@ def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: 
     np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
 
 
-def test_white_balance_and_matrix_of_the_file(tmp_path: Path) -> None:
-    fields = {50721: (SRATIONAL, rationals(MATRIX)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
+@pytest.mark.parametrize("matrix", [MATRIX, np.eye(3)], ids=["matrix", "unit"])
+def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(tmp_path: Path, matrix: DoubleArray) -> None:
+    fields = {50721: (SRATIONAL, rationals(matrix)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
     scene = loaded(tmp_path, noise(60, 80), fields=fields)
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
-    assert scene.notes == ()
-    np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+    if matrix is MATRIX:
+        np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+    assert (scene.camera_to_xyz is None, len(scene.notes)) == ((False, 0) if matrix is MATRIX else (True, 1))
 
 
 @pytest.mark.parametrize("light", ["A", "D65"])
@@ -114,13 +116,6 @@ def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None
     black = loaded(tmp_path, np.zeros((60, 80), np.uint16))
     assert black.neutral is None
     assert any("too dark" in note for note in black.notes)
-
-
-def test_a_unit_matrix_is_no_matrix(tmp_path: Path) -> None:
-    fields = {50721: (SRATIONAL, rationals(np.eye(3))), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
-    scene = loaded(tmp_path, noise(60, 80), fields=fields)
-    assert scene.camera_to_xyz is None
-    assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
 
 
 def test_capture_data(tmp_path: Path) -> None:
