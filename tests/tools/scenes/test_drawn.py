@@ -20,6 +20,14 @@ BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or 
 ROUNDING = 2e-6  # of sums of float32
 
 
+def place(charts: Any, index: int) -> tuple[int, int, int]:
+    """Where the layout puts a chart in a frame of 600 x 400 pixels: row, column and height."""
+    size = round(HEIGHT * min(600 / ASPECT, 400))
+    widths = [round(size * aspect) for aspect, _ in charts]
+    gap = (600 - sum(widths)) / (len(charts) + 1)
+    return 400 - size - round(GAP * 400), round((index + 1) * gap + sum(widths[:index])), size
+
+
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return builtin_scene(600, 400)
@@ -70,9 +78,7 @@ def test_leaves_have_the_spectrum_of_natural_scenes(scene: Scene) -> None:
 
 def test_patches_are_the_published_ones(scene: Scene) -> None:
     """Read from the picture where the layout puts them, through the scene's own matrix, into CIE L*a*b* again."""
-    size = round(HEIGHT * 400)
-    gap = (600 - sum(round(size * aspect) for aspect, _ in CHARTS)) / (len(CHARTS) + 1)
-    top, left = 400 - size - round(GAP * 400), round(gap)
+    top, left, size = place(CHARTS, 0)
     for index, expected in enumerate(COLOR_CHECKER_LAB):
         row, column = (int((place + 0.5) * size / 4) for place in divmod(index, 6))
         patch = scene.rgb[top + row - 3 : top + row + 4, left + column - 3 : left + column + 4].reshape(-1, 3)
@@ -129,9 +135,7 @@ def test_metamers_differ_in_bands_alone(spectral: Scene) -> None:
 
 def test_the_metamers_are_in_the_picture(spectral: Scene) -> None:
     """Where the layout puts the chart, red, green and blue filters see even surfaces."""
-    size = round(HEIGHT * min(600 / ASPECT, 400))
-    gap = (600 - sum(round(size * aspect) for aspect, _ in SPECTRAL_CHARTS)) / (len(SPECTRAL_CHARTS) + 1)
-    top, left = 400 - size - round(GAP * 400), round(gap + round(size * SPECTRAL_CHARTS[0][0]) + gap)
+    top, left, size = place(SPECTRAL_CHARTS, 1)
     lettering = spectral.rgb[top + round(0.72 * size) : top + size - 1, left + 1 : left + size - 1]
     assert np.ptp(lettering, axis=(0, 1)).max() > 0.5
     assert np.ptp(filters(("RG", "GB"), spectral).of(lettering), axis=(0, 1)).max() < ROUNDING
