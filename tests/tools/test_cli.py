@@ -243,48 +243,6 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
 # --- what is shown --------------------------------------------------------------------------------------------------------------
 
 
-def test_wrong_arguments_are_shown_on_one_line() -> None:
-    outcome = run("inspect", "shot", "--\x1b[2J\nall_is_well", code=2)
-    assert outcome.err.splitlines()[-1] == r"panchroma inspect: error: there is no option --\x1b[2J all_is_well"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "verb", "said"),
-    [
-        ("rendr shots -o out", "render", "there is no verb rendr; did you mean render?"),
-        ("shots render -o out", "render", "the verb comes first: panchroma render ..."),
-        ("render shots --outpt out", "render", "there is no option --outpt; did you mean --output?"),
-        (
-            "render shots -o out --preset bset",
-            "render",
-            "argument --preset: 'bset' is none of best, unlearned, paper; did you mean best?",
-        ),
-        ("render shots -o out -f pgn", "render", "argument -f/--format: 'pgn' is none of .*; did you mean png?"),
-        ("render shots -o out --bits 12", "render", "argument --bits: 12 is none of 8, 16, 32"),
-        ("simulate builtin:9x9 -o out --period six", "simulate", "argument --period: 'six' is not a whole number"),
-        ("demo x.dng", "demo", "x.dng is one argument too many"),
-        ("render shots -o out --exposure bright", "render", "argument --exposure: 'bright' is not a number"),
-        ("render shots -o out --max-pixels -5", "render", "argument --max-pixels: '-5' is not a whole number from 1 on"),
-        ("render shots", "render", "the following arguments are required: -o/--output"),
-        ("develop", "VERB", "there is no verb develop; panchroma --help lists them"),
-        ("--hlep", "VERB", "there is no option --hlep; did you mean --help?"),
-        ("", "VERB", "a verb is missing; panchroma --help lists them"),
-    ],
-)
-def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(
-    arguments: str, verb: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    outcome = run(*arguments.split())
-    assert names(tmp_path) == set()
-    assert (outcome.code, outcome.out) == (2, "")
-    usage, error = outcome.err.splitlines()
-    assert usage.startswith(f"usage: panchroma {verb} ")
-    assert usage.endswith(" [options]")
-    prefix = "panchroma: error: " if verb == "VERB" else f"panchroma {verb}: error: "
-    assert re.fullmatch(prefix + said.replace("?", r"\?").replace("...", re.escape("...")), error), error
-
-
 def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:
     for option in (("--burst", "3", "--bracket", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
         run("simulate", "builtin:60x60", "-o", tmp_path / option[-1], *option, code=0)

@@ -15,6 +15,28 @@ from tests.tools.command import contents, run
 FRAMES = "--width 128 --height 96 --pixel-format raw12"
 SHORT = "--sizes 3 --steps 3"
 
+# Misspelt arguments: the likely word, after one line of usage.
+MISSPELT = {
+    "": {
+        "rendr shots -o out": "panchroma render: error: there is no verb rendr; did you mean render?",
+        "shots render -o out": "panchroma render: error: the verb comes first: panchroma render ...",
+        "render shots": "panchroma render: error: the following arguments are required: -o/--output",
+        "demo x.dng": "panchroma demo: error: x.dng is one argument too many",
+        "develop": "panchroma: error: there is no verb develop; panchroma --help lists them",
+        "--hlep": "panchroma: error: there is no option --hlep; did you mean --help?",
+        "": "panchroma: error: a verb is missing; panchroma --help lists them",
+        "inspect shot '--\x1b[2J\nall_is_well'": r"panchroma inspect: error: there is no option --\x1b[2J all_is_well",
+    },
+    "render shots": {"--outpt out": "panchroma render: error: there is no option --outpt; did you mean --output?"},
+    "render shots -o out": {
+        "--preset bset": "argument --preset: 'bset' is none of best, unlearned, paper; did you mean best?",
+        "-f pgn": "; did you mean png?",
+        "--bits 12": "argument --bits: 12 is none of 8, 16, 32",
+        "--exposure bright": "argument --exposure: 'bright' is not a number",
+        "--max-pixels -5": "argument --max-pixels: '-5' is not a whole number from 1 on",
+    },
+    "simulate builtin:9x9 -o out": {"--period six": "argument --period: 'six' is not a whole number"},
+}
 # Command -> what is added to it -> words of the only line that says what is wrong.
 USAGE = {
     "simulate builtin:24x18 -o out": {
@@ -225,8 +247,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [
-        pytest.param(f"{command} {more}", code, words, id=f"{command.split()[0]} {more}")
-        for code, table in ((1, FILES), (2, USAGE))
+        pytest.param(f"{command} {more}", code, words, id=f"{command.partition(' ')[0]} {more}")
+        for code, table in ((1, FILES), (2, USAGE), (2, MISSPELT))
         for command, refused in table.items()
         for more, words in refused.items()
     ],
@@ -235,9 +257,14 @@ def test_it_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch, line: str,
     monkeypatch.chdir(folder)
     before = contents(folder)
     outcome = run(*shlex.split(line), code=code)
-    said = outcome.err.splitlines()[-1]
+    *before_it, said = outcome.err.splitlines()
     assert words in said
     assert said.startswith("panchroma")
+    program, error, _ = said.partition(": error: ")
+    if error:  # of the command line itself
+        (usage,) = before_it
+        assert usage.startswith(f"usage: {'panchroma VERB' if program == 'panchroma' else program} ")
+        assert usage.endswith(" [options]")
     assert "fault" not in outcome.err
     assert outcome.out == ""
     assert contents(folder) == before

@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -15,7 +13,6 @@ import pytest
 from offline import PAPER
 from shared import read_dng
 from shared.errors import InputError, PanchromaError
-from tests.data import ROOT
 from tests.tools.command import contents, ended, results, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import signals
@@ -123,10 +120,9 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
         "import sys, pathlib, functools; from tests.tools.host.test_processes import linger, pool\n"
         "if __name__ == '__main__': list(pool(functools.partial(linger, pathlib.Path(sys.argv[1])), [1, 2]))"
     )
-    parent = subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT)
-    _wait_for(lambda: len(list(tmp_path.glob("*.begun"))) == 2)
-    parent.kill()
-    parent.wait()
+    with start(tmp_path, script=script) as parent:
+        _wait_for(lambda: len(list(tmp_path.glob("*.begun"))) == 2)
+        parent.kill()
     _wait_for(lambda: len(list(tmp_path.glob("*.left"))) == 2)
 
 

@@ -4,24 +4,18 @@ from contextlib import suppress
 
 import numpy as np
 
-from shared import CfaPattern, SensorCalibration
 from shared.errors import InputError
-from shared.sensor import simulate_additive
-from tests.device.capture.checks.test_frame_check import KODAK, PATTERN, SIZE, look, of, refusal
+from tests.device.capture.checks.test_frame_check import KODAK, SIZE, look, of, refusal, taken
+from tests.device.packer import pack
 from tools.scenes.drawn.builtin import builtin_scene
 
 SCENE = builtin_scene(SIZE[1], SIZE[0]).rgb
 
 
-def frame(pattern: CfaPattern) -> bytes:
-    calibration = SensorCalibration.of_bits(12, headroom=False)
-    return simulate_additive(SCENE, pattern, calibration, 0.01, np.random.default_rng(0)).codes.astype("<u2").tobytes()
-
-
 def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
-    assert "or one with scattered colours, which `pattern` describes" in refusal(frame(KODAK), of())
+    assert "or one with scattered colours, which `pattern` describes" in refusal(pack(taken(SCENE, KODAK), "u16"), of())
     words = "a sensor without colour filters, or another `pattern`, `period` or `origin`"
-    assert words in refusal(frame(PATTERN), of(pattern=KODAK))
+    assert words in refusal(pack(taken(SCENE), "u16"), of(pattern=KODAK))
     bayer = np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         bayer[row::2, column::2] = SCENE[row::2, column::2, channel]
