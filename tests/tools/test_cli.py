@@ -6,7 +6,6 @@ import re
 import signal
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -72,20 +71,18 @@ def test_a_command_does_not_load_what_it_does_not_need(words: tuple[str, ...], h
     assert set(heavy.split()).isdisjoint(spawn(*words, script=LOADED, cwd=shots, code=0).out.splitlines()[-1].split())
 
 
-# Every command that writes into a folder, on a folder that is named last.
+# Commands that write into a folder, which is named last.
 INTO = {
     "simulate": ("simulate", "builtin:24x18", "-o"),
     "preview": ("preview", SHOT, "-o"),
     "render": ("render", SHOT, "-o"),
     "capture": ("capture", "builtin:24x18@50", "--frames", "1", "-o"),
-    "view": ("view", "builtin:24x18@50", "--port", "0", "-o"),
     "evaluate": ("evaluate", "builtin:48x48", "--sigma", "0", "--methods", "bilinear", "--workers", "1", "-o"),
-    "demo": ("demo", "-o"),
     "calibrate": ("calibrate", "chart-300x200.dng", "-o", "camera.json", "--report"),
 }
 
 
-@pytest.mark.parametrize("verb", [verb for verb in INTO if verb not in ("view", "demo")])  # one does not end, one has its own tests
+@pytest.mark.parametrize("verb", INTO)
 def test_the_output_folder_is_made(verb: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(shots)
     if verb == "calibrate":
@@ -99,20 +96,6 @@ def test_a_dry_run_makes_no_folder(verb: str, shots: Path, tmp_path: Path, monke
     monkeypatch.chdir(shots)
     run(*INTO[verb], tmp_path / "new", "--dry-run", code=0)
     assert names(tmp_path) == {"shots"}
-
-
-@pytest.mark.parametrize("verb", INTO)
-@pytest.mark.parametrize(
-    ("folder", "words"),
-    [("missing/below", "mkdir -p"), ("file", "is not a folder"), ("", "is empty"), ("file/below", "is not a folder")],
-)
-def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("file").write_text("old")
-    (line,) = run(*INTO[verb], folder, code=2).err.splitlines()
-    assert line.startswith(f"panchroma: {folder}")
-    assert words in line
-    assert names(tmp_path) == {"file"}
 
 
 # --- errors ---------------------------------------------------------------------------------------------------------------------

@@ -80,7 +80,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         search.report(console)
     if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark, --flat and --edges frames")
-    corners = _corners(arguments, len(files["shots"]))
+    if arguments.corners and (len(files["shots"]) != 1 or arguments.no_chart):
+        raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
+    corners: Matrix | None = tuple(arguments.corners) if arguments.corners else None
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
@@ -138,14 +140,6 @@ def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
         )
     check_apart(*names)
     return {name: shots for name, (_, *shots) in zip(names, given, strict=True)}
-
-
-def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
-    if not arguments.corners:
-        return None
-    if shots != 1 or arguments.no_chart:
-        raise InputError(f"--corners gives the place of the chart in one shot; {shots} shots are given")
-    return tuple(arguments.corners)
 
 
 def _refused(output: Path, error: str, console: Console, **facts: str) -> int:

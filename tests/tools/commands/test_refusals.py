@@ -1,6 +1,7 @@
 """What no command does: it ends before its work, says in one line what is wrong, and leaves every file and folder as it was."""
 
 import json
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -179,6 +180,16 @@ VALUES = {
 }
 for (command, option), (texts, expected) in VALUES.items():
     USAGE[command] |= {f"--{option}={text}": f"{text!r} is not {expected}" for text in texts}
+# Every command that writes into a folder.
+NO_FOLDER = {
+    "missing/below": "panchroma: missing/below: the folder missing does not exist; create it first: mkdir -p missing",
+    "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
+    "text.json/below": "panchroma: text.json/below: text.json is not a folder; choose another place for the results",
+    "''": "panchroma: the name of the output folder is empty; give ",
+}
+INTO = [command for command in USAGE if re.fullmatch(r"\w+ \S+ -o out", command)]
+INTO += ["view builtin:9x9@9 -o out", "demo -o out", "identify shot.dng -o out", "calibrate shot.dng -o new.json --report out"]
+USAGE |= {command.removesuffix(" out"): NO_FOLDER for command in INTO}
 for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -o out", "view builtin:64x48@9"):
     USAGE[with_pattern] |= PATTERNS
 USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}
