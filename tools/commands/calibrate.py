@@ -92,8 +92,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     session = Session(console, arguments.sensor, old)
     seen = session.measure(files, None if arguments.no_chart else chart_colours, corners, filled_luminance)
     if seen.base is None or seen.empty:
-        for remark in seen.remarks:
-            console.note(remark)
+        console.note(*seen.remarks)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
     if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
@@ -104,10 +103,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         check_same(output, old, seen.base)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
     conclusion = conclude(seen, chart_colours, provenance, old)
-    for line in conclusion.contradictions if conclusion.camera else ():  # otherwise they are the reason
-        console.error(line)
-    for line in conclusion.warnings:
-        console.note(f"warning: {line}")
+    if conclusion.camera:  # otherwise they are the reason
+        console.error(*conclusion.contradictions)
+    console.note(*(f"warning: {line}" for line in conclusion.warnings))
     if folder is not None:
         write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
         for name, content in (each for part in conclusion.parts for each in part.files.items()):

@@ -47,8 +47,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         _check_memory(arguments.burst, source)
     folder, how = output_folder(arguments.output), {name: getattr(arguments, name) for name in ("burst", "wait", "threads")}
     recorder = Recorder(source, folder, arguments.latest, **how)
-    for note in source.notes:
-        console.note(note)
+    console.note(*source.notes)
     saved = failed = 0
 
     def refused(reason: object) -> None:

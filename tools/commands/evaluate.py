@@ -97,8 +97,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     results = collect(study, folder)
     strokes, failed = measure_strokes(study, folder, team)
-    for line in failed:
-        console.error(line)
+    console.error(*failed)
     failures += failed
     figures = Figures(study, results, strokes)
     program = f"panchroma {program_version()}"
@@ -134,8 +133,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
     study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, arguments.seed, reading)
     made, without = study.remarks()
-    for remark in (*made, *without):
-        console.note(remark)
+    console.note(*made, *without)
     return study, failures, [*left_out, *without]
 
 

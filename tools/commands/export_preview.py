@@ -12,7 +12,7 @@ from shared.writing import write_durably
 from tools.host.console import Console
 from tools.pictures.previews import preview_graph
 
-from .options import add, names_pattern, option, pattern_of
+from .options import add, option, pattern_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +41,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _pattern(arguments: argparse.Namespace) -> CfaPattern:
     if not arguments.like:
         return pattern_of(arguments)
-    if names_pattern(arguments):
+    if arguments.pattern is not None or arguments.period is not None:
         raise InputError("--like takes the pattern of a shot; leave --pattern and --period out")
     return read_dng(arguments.like).pattern

@@ -166,11 +166,6 @@ def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     return chosen_protocol(arguments.protocol, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
 
 
-def names_pattern(arguments: argparse.Namespace) -> bool:
-    """Whether --pattern or --period is given."""
-    return not (arguments.pattern is None and arguments.period is None)
-
-
 def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
     """The pattern of --pattern or --period, at --origin. known: that of the camera, for what is not given.
 

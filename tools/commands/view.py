@@ -36,8 +36,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     source = source_of(arguments)
     folder = None if arguments.output is None else output_folder(arguments.output)
     view = LiveView(source, folder, arguments.latest, scale=arguments.scale, threads=arguments.threads)
-    for note in source.notes:
-        console.note(note)
+    console.note(*source.notes)
     failed = False
 
     def refused(error: InputError) -> None:

@@ -53,19 +53,20 @@ class Console:
             for line in lines:
                 to_stderr(self.worded(line))
 
-    def note(self, text: str) -> None:
-        """Print a remark to stderr."""
+    def note(self, *texts: str) -> None:
+        """Print remarks to stderr."""
         if not self._quiet:
-            to_stderr(self.worded(text))
+            for text in texts:
+                to_stderr(self.worded(text))
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
-        for line in once_each((source, remark) for source, remarks in noted for remark in remarks):
-            self.note(line)
+        self.note(*once_each((source, remark) for source, remarks in noted for remark in remarks))
 
-    def error(self, text: str) -> None:
-        """Print one line that says what failed to stderr."""
-        to_stderr(f"panchroma: {self.worded(text)}")
+    def error(self, *texts: str) -> None:
+        """Print a line to stderr for each thing that failed."""
+        for text in texts:
+            to_stderr(f"panchroma: {self.worded(text)}")
 
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""

@@ -51,8 +51,7 @@ class Search:
 
     def report(self, console: Console) -> bool:
         """Tell the user what was left out and what failed. Returns whether nothing has failed."""
-        for remark in self.left_out:
-            console.note(remark)
+        console.note(*self.left_out)
         for folder, what in self.failures:
             fail(Job(folder), what, console)
         return not self.failures

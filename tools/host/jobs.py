@@ -214,8 +214,7 @@ def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
     if isinstance(result, Exception):
         fail(job, reason(result), console)
         return "failed"
-    for line in result.errors:
-        console.error(line)
+    console.error(*result.errors)
     console.say(*result.lines)
     console.record(source=job.source, ok=True, **result.facts)
     return result.state

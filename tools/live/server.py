@@ -97,8 +97,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
-        if not self._is_for_us():
-            return
         if path == "/stream.mjpg":
             self._stream()
         elif path == "/status":
@@ -110,8 +108,6 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def do_POST(self) -> None:
-        if not self._is_for_us():
-            return
         origin = self.headers.get("Origin")
         if origin is not None and origin != f"http://{self.headers['Host']}":
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
@@ -144,16 +140,17 @@ class _Handler(BaseHTTPRequestHandler):
         finally:
             self.server.seats.release()
 
-    def _is_for_us(self) -> bool:
-        """Return whether the request is addressed to this camera; if not, answer it with an error.
+    def parse_request(self) -> bool:
+        """Read the request. Returns whether it is one, and addressed to this camera; if not, it has been answered with an error.
 
         Another site can make its own name point to this address (DNS rebinding), and its page would then count as ours. It cannot
         do so with an IP address or with the machine's own name.
         """
-        if _is_own(self.headers.get("Host", "")):
-            return True
-        self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "ask for the camera by its address, or by its own name")
-        return False
+        if not super().parse_request():
+            return False
+        if not (ours := _is_own(self.headers.get("Host", ""))):
+            self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "ask for the camera by its address, or by its own name")
+        return ours
 
     def _refuse(self, status: HTTPStatus, reason: str) -> None:
         self._answer({"error": reason}, status)
