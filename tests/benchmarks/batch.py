@@ -38,7 +38,9 @@ MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
 
 
 def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
-    """Save shots of the built-in scene that differ in their noise."""
+    """Save shots of the built-in scene that differ in their noise, unless they are there."""
+    if folder.exists():
+        return
     folder.mkdir()
     scene, calibration = builtin_scene(*size), SensorCalibration.of_bits(12)
     for seed in range(count):
@@ -106,14 +108,12 @@ def on_cluster(top: Path) -> None:
 
 def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
     """Make every worker load its libraries before the measurement, as in a cluster that is already running."""
-    if not (top / "warm").exists():
-        save_shots(top / "warm", 8, SMALL)
+    save_shots(top / "warm", 8, SMALL)
     seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
 
 
 def _throughput(top: Path, who: str, by: Callable[[int, Path], tuple[float, float]], count: int = 24) -> None:
-    if not (top / "large").exists():
-        save_shots(top / "large", count, MEGAPIXEL)
+    save_shots(top / "large", count, MEGAPIXEL)
     megapixels = count * MEGAPIXEL[0] * MEGAPIXEL[1] / 1e6
     taken = {number: by(number, fresh(top, f"{who[0]}{number}")) for number in (1, 2)}
     rates = ", ".join(

@@ -13,11 +13,10 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.data import DATA
-from tests.tools.calibration.known_camera import MEASURED, PATTERNS, TRUTH, frame
+from tests.tools.calibration.known_camera import MEASURED, PATTERNS, REFERENCE, TRUTH, frame
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart, measure_scene
 from tools.calibration.scene_gamma import fit_scene_gamma
-from tools.commands.calibrate import color_checker_xyz
 from tools.scenes.load import load_scene
 
 SCENES = (
@@ -30,7 +29,6 @@ CHARTS = (
     "chart/g2_cut_off.crw", "chart/s40_cut_off.crw", "chart/table_srgb.jpg",
 )  # fmt: skip
 COLOUR = ("mean_dE2000", "leave_one_out_dE2000", "light_unevenness")
-REFERENCE = color_checker_xyz()
 
 
 def photograph(path: Path, *, chart: bool = True) -> None:

@@ -18,11 +18,10 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.benchmarks.harness import options
-from tests.tools.calibration.known_camera import PATTERNS, true_place
+from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.session import Session
-from tools.commands.calibrate import color_checker_xyz
 from tools.host.console import Console
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.drawn.charts import chart_scene
@@ -32,7 +31,6 @@ KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat",
     "scene", "scene+dark+flat", "scenes+dark+flat", "chart+scene+dark+flat", "dark+flat", "flat",
 )  # fmt: skip
-CHART = color_checker_xyz()
 SIGMAS = 1.96
 NAMES = ("gamma", "black", "shot", "read")
 
@@ -152,12 +150,12 @@ def calibrated(frames: Frames, kind: str) -> Conclusion | None:
     # One of several, all if their name is in the plural.
     charts, scenes = (frames.named(one)[: None if f"{one}s" in parts else int(one in parts)] for one in ("chart", "scene"))
     for name in charts:
-        session.shots([name], CHART, frames.places[name].corners)
+        session.shots([name], REFERENCE, frames.places[name].corners)
     session.shots(scenes, None)
     if session.seen.base is None or ((charts or scenes) and not session.seen.shots):
         return None
     try:
-        return conclude(session.seen, CHART)
+        return conclude(session.seen, REFERENCE)
     except InputError:
         return None
 

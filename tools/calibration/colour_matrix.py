@@ -1,6 +1,7 @@
 """The colour matrix from camera RGB to XYZ (D50), which keeps white neutral, and the uneven light on the chart."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import permutations
 
 import numpy as np
@@ -28,59 +29,63 @@ _KINDS = {"RGB": np.eye(3), "CMY": 1 - np.eye(3)}
 
 @dataclass(frozen=True, eq=False)
 class ColourFit:
-    """A camera's colours under one light.
+    """A camera's colours under one light, from the patches of one chart.
 
+    camera: (24, C), linear levels.
+    colours: (24, 3), XYZ (D50) of the reference, white = 1.
+    cells: (24, 2), positions of the patches on the chart.
     matrix: (3, C), scene units to XYZ (D50); it takes `neutral` to D50 exactly.
     neutral: (C,), what white reads, largest entry 1.
     light: (24,), relative illumination of each patch, mean 1.
     lab: (24, 3), L*a*b* of the patches after correction.
     reference: (24, 3), L*a*b* of the reference.
-    difference: (24,), dE2000 between the two.
-    plain: (24,), dE2000 if the light is treated as even.
-    left_out: (24,), dE2000 of each patch, predicted from the others (leave-one-out).
     """
 
+    camera: DoubleArray
+    colours: DoubleArray
+    cells: DoubleArray
     matrix: DoubleArray
     neutral: DoubleArray
     light: DoubleArray
     lab: DoubleArray
     reference: DoubleArray
-    difference: DoubleArray
-    plain: DoubleArray
-    left_out: DoubleArray
 
     @property
     def unevenness(self) -> float:
         """The brightest over the dimmest light on the chart."""
         return float(self.light.max() / self.light.min())
 
+    @cached_property
+    def difference(self) -> DoubleArray:
+        """The dE2000 of each patch, (24,)."""
+        return delta_e_2000(self.lab, self.reference)
 
-def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, thorough: bool = True) -> ColourFit:
-    """Fit matrix, neutral and illumination field to the patches of one chart.
+    @cached_property
+    def plain(self) -> DoubleArray:
+        """The same if the light is treated as even."""
+        matrix, _, light = _fit(self.camera, self.colours, self.cells, field=False)
+        return delta_e_2000(xyz_to_lab((self.camera / light[:, None]) @ matrix.T), self.reference)
 
-    camera: (24, C), linear levels.
-    reference: (24, 3), XYZ (D50), white = 1.
-    cells: (24, 2), positions of the patches on the chart.
-    thorough: compute the leave-one-out error, which takes 24 times as long; NaN otherwise.
+    @cached_property
+    def left_out(self) -> DoubleArray:
+        """The dE2000 of each patch with matrix and illumination field from the 23 others, (24,); it takes 24 times as long."""
+        errors = np.zeros(PATCHES)
+        for index, used in enumerate(1 - np.eye(PATCHES)):
+            matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
+            errors[index] = delta_e_2000(xyz_to_lab(self.camera[index] / light[index] @ matrix.T), self.reference[index])
+        return errors
+
+
+def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) -> ColourFit:
+    """Fit matrix, neutral and illumination field to the patches of one chart; camera, colours, cells: see `ColourFit`.
 
     Raises InputError if the grey patches have no light in some channel.
     """
     if camera.shape[0] != PATCHES or not (camera[list(GREYS)] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
-    matrix, neutral, light = _fit(camera, reference, cells, field=True)
-    flat_matrix, _, flat_light = _fit(camera, reference, cells, field=False)
-    wanted = xyz_to_lab(reference)
-    found = xyz_to_lab((camera / light[:, None]) @ matrix.T)
-    return ColourFit(
-        matrix=matrix,
-        neutral=neutral,
-        light=light / light.mean(),
-        lab=found,
-        reference=wanted,
-        difference=delta_e_2000(found, wanted),
-        plain=delta_e_2000(xyz_to_lab((camera / flat_light[:, None]) @ flat_matrix.T), wanted),
-        left_out=_left_out(camera, reference, cells) if thorough else np.full(PATCHES, np.nan),
-    )
+    matrix, neutral, light = _fit(camera, colours, cells, field=True)
+    lab = xyz_to_lab((camera / light[:, None]) @ matrix.T)
+    return ColourFit(camera, colours, cells, matrix, neutral, light / light.mean(), lab, xyz_to_lab(colours))
 
 
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
@@ -146,17 +151,6 @@ def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> Doub
         values = terms @ np.linalg.solve(weighted.T @ terms + ridge, weighted.T @ excess)
         weight = used * np.minimum(1, _HUBER / np.maximum(np.abs(excess - values), 1e-9))
     return values
-
-
-def _left_out(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray) -> DoubleArray:
-    """Return the dE2000 of each patch with matrix and illumination field from the 23 others."""
-    errors = np.zeros(len(camera))
-    for index in range(len(camera)):
-        used = np.ones(len(camera))
-        used[index] = 0
-        matrix, _, light = _fit(camera, reference, cells, field=True, used=used)
-        errors[index] = delta_e_2000(xyz_to_lab(camera[index] / light[index] @ matrix.T), xyz_to_lab(reference[index]))
-    return errors
 
 
 def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:

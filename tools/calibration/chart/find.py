@@ -146,7 +146,7 @@ def _examined(picture: FloatArray, place: ChartPlace, reference: DoubleArray) ->
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
     """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
     try:
-        mean = float(fit_colour(patch_means(picture, place)[0], reference, place.cells, thorough=False).difference.mean())
+        mean = float(fit_colour(patch_means(picture, place)[0], reference, place.cells).difference.mean())
     except (InputError, np.linalg.LinAlgError):
         return float("inf")
     return mean if np.isfinite(mean) else float("inf")
