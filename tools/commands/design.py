@@ -130,10 +130,7 @@ def _photographed(
     from tools.evaluation.tiles import Tile, chosen_tiles
 
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
-    tiles, levels = (
-        chosen_tiles((), (Tile.named(CfaPattern(each.tile), each.letters) for each in shown)),
-        [light.protocol for light in lights],
-    )
-    reading = Reading(largest=arguments.crop)
+    tiles = chosen_tiles((), (Tile.named(CfaPattern(each.tile), each.letters) for each in shown))
+    levels, reading = [light.protocol for light in lights], Reading(largest=arguments.crop)
     measured = photographed(tiles, levels, arguments.photographs, folder, team, reading, arguments.seed)
     return measured, render_gallery(measured, team)

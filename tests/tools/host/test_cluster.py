@@ -5,7 +5,6 @@ import shutil
 import signal
 import socket
 import time
-from contextlib import ExitStack
 from pathlib import Path
 from typing import IO
 
@@ -25,12 +24,12 @@ pytest.importorskip("distributed")
 
 def line_with(stream: IO[str] | None, words: str) -> str:
     """The first line with these words; all lines if there is none."""
-    seen = []
-    for line in stream:
-        seen.append(line)
+    seen = ""
+    while line := stream.readline():
         if words in line:
             return line
-    return "".join(seen)
+        seen += line
+    return seen
 
 
 def other_source(folder: Path, name: str) -> Path:
@@ -43,9 +42,7 @@ def other_source(folder: Path, name: str) -> Path:
 
 def test_a_scheduler_that_dies_is_one_line_and_the_next_run_goes_on(tmp_path: Path, out: Path) -> None:
     shots = [save_shot(tmp_path / f"{seed}.dng", seed, (120, 120)) for seed in range(40)]
-    with ExitStack() as stack:
-        file, running = stack.enter_context(scheduler(tmp_path))
-        stack.enter_context(worker(file, "one"))
+    with scheduler(tmp_path) as (file, running), worker(file, "one"):
         rendering = start("render", *shots, "-o", out, "--scheduler-file", file)
         assert "0.tif" in line_with(rendering.stdout, ".tif: ")
         running.kill()
@@ -70,9 +67,8 @@ def test_without_workers_it_says_so_and_can_be_interrupted(tmp_path: Path, out: 
 
 def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) -> None:
     shot = save_shot(tmp_path / "0.dng")
-    with ExitStack() as stack:
-        file, _ = stack.enter_context(scheduler(tmp_path))
-        stack.enter_context(worker(file, "changed", other_source(tmp_path / "changed", "offline/settings.py")))
+    other = other_source(tmp_path / "changed", "offline/settings.py")
+    with scheduler(tmp_path) as (file, _), worker(file, "changed", other):
         outcome = run("render", shot, "-o", out, "--scheduler-file", file, code=2)
     (line,) = outcome.errors
     assert line.startswith("panchroma: worker tcp://127.0.0.1:")
