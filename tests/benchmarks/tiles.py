@@ -14,7 +14,7 @@ from shared.processors import processors
 from shared.tiles import TILES
 from tests.benchmarks.harness import options
 from tools.evaluation.design.judge import FastJudge, Figures, Light
-from tools.evaluation.design.slow import METHOD, photographed, slow_figures, spearman
+from tools.evaluation.design.proposals import METHOD, photographed, slow_figures, spearman
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.team import Team
 from tools.evaluation.tiles import Tile, chosen_tiles

@@ -123,7 +123,7 @@ def _photographed(
     arguments: argparse.Namespace, shown: "Sequence[Proposal]", lights: "Sequence[Light]", folder: Path, console: Console
 ) -> "tuple[Figures, list[Exhibit]]":
     """What the slow judge says of the tiles, and crops."""
-    from tools.evaluation.design.slow import photographed
+    from tools.evaluation.design.proposals import photographed
     from tools.evaluation.page.gallery import render_gallery
     from tools.evaluation.scene_sets import Reading
     from tools.evaluation.team import Team

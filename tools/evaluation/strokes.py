@@ -17,11 +17,10 @@ from shared.errors import PanchromaError
 from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
-from .cache import FOLDER, Cache
 from .cameras import CameraPair
 from .methods import choose, methods
 from .metrics import BORDER
-from .study import Study, can_photograph
+from .study import FOLDER, Cache, Study, can_photograph
 from .team import Team
 from .tiles import Tile
 

@@ -1,17 +1,22 @@
-"""The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made."""
+"""The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made.
 
-from collections.abc import Iterator
+Results are files under a digest of all they depend on, so that an interrupted run goes on where it stopped.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from shared.arrays import FloatArray
-from shared.errors import InputError, PanchromaError
+from shared.errors import InputError, OutputError, PanchromaError
+from shared.writing import own_file, write_durably
 from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
-from .cache import FOLDER, Cache, key
 from .cameras import CameraPair
 from .measures import Measures
 from .method import Method
@@ -20,7 +25,40 @@ from .rivals.denoising import SECONDS as DENOISING_SECONDS
 from .scene_sets import Reading, SceneInfo
 from .tiles import Tile, filters_of
 
-_MEASURING = 0.3  # seconds per megapixel, roughly
+T = TypeVar("T")
+
+FOLDER = "results"
+MEASURING = 1
+"""Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise it whenever figures change.
+
+A result is kept under versions: this one, those of the protocol and of the method (of ours: of the renderer and its settings, or of
+the preview), and those of the packages that the method needs. Whoever changes code so that figures differ raises the number beside
+it, or the old figures stay; a test compares figures with those that the numbers stand for.
+"""
+_SECONDS = 0.3  # per megapixel, to measure a picture, roughly
+
+
+@dataclass(frozen=True)
+class Cache:
+    """The results in one folder, one file each."""
+
+    folder: Path
+
+    def get(self, name: str, decode: Callable[[bytes], T]) -> T | None:
+        """What `decode` makes of the file of this name; None when there is no such file, or it is damaged (`decode` raises)."""
+        try:
+            with own_file(self.folder / name, "rb") as file:
+                return decode(file.read())
+        except (OSError, ValueError, TypeError, InputError):
+            return None
+
+    def put(self, name: str, data: bytes) -> None:
+        """Keep a result; the file is complete or absent. Raises OutputError as `write_durably` does."""
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.folder}: the folder cannot be made ({error.strerror or error})") from None
+        write_durably(self.folder / name, data, overwrite=True)
 
 
 @dataclass(frozen=True)
@@ -132,14 +170,15 @@ class Study:
 
     def result(self, method: Method, level: Protocol, tile: Tile | None, **scene: Any) -> str:
         """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
-        return key(
-            protocol=level.identity,
-            level=level.level,
-            seed=self.seed if level.noisy else 0,  # without noise any seed is the same
-            pattern=asdict(tile.pattern) if tile else None,
-            **method.identity,
-            **scene,
-        )
+        parts = {
+            "measuring": MEASURING,
+            "protocol": level.identity,
+            "level": level.level,
+            "seed": self.seed if level.noisy else 0,  # without noise any seed is the same
+            "pattern": asdict(tile.pattern) if tile else None,
+        }
+        text = json.dumps(parts | method.identity | scene, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def can_photograph(tile: Tile | None, channels: str) -> bool:
@@ -161,7 +200,7 @@ class Task:
         """Rough duration, for the time left."""
         chosen = [methods()[cell.method] for cell in self.cells]
         once = max(0, sum(method.denoise is not None for method in chosen) - 1)  # denoised samples are kept for the next method
-        each = sum(method.seconds + _MEASURING for method in chosen)
+        each = sum(method.seconds + _SECONDS for method in chosen)
         return (each - once * DENOISING_SECONDS) * self.cells[0].scene.megapixels
 
     @property

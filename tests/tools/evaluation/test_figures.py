@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from tools.evaluation.measures import Measures
 from tools.evaluation.page.page import build_page
 from tools.evaluation.report import method_table, pattern_table, plain_text, scene_table, standing_table
 from tools.evaluation.scene_sets import SPECTRAL
-from tools.evaluation.study import Study
+from tools.evaluation.study import Cell, Study
 from tools.evaluation.tables import encode_csv, encode_json
 from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import FEW, Claim, ahead, caveats, claims, headline, losses, standing
@@ -35,14 +36,19 @@ COLOUR = (NOISE - NOISE.mean(axis=2, keepdims=True)).astype(np.float32)
 DOUBLE = 20 * np.log10(2)
 
 
+def figures_of(study: Study, error: Callable[[Cell], FloatArray]) -> Figures:
+    """A study whose renderings have errors by cell."""
+    return Figures(study, {cell: Measures.of(TRUTH + error(cell).astype(np.float32), TRUTH) for cell in study.cells()})
+
+
 def figures_with(study: Study, **errors: FloatArray | tuple[FloatArray, FloatArray]) -> Figures:
     """A study whose renderings have the errors given, by method, and by level if there are two."""
-    results = {}
-    for cell in study.cells():
-        error = errors.get(cell.method, NOISE * np.float32(0.05))
-        error = error[LEVELS.index(cell.level.level)] if isinstance(error, tuple) else error
-        results[cell] = Measures.of(TRUTH + error.astype(np.float32), TRUTH)
-    return Figures(study, results)
+
+    def error(cell: Cell) -> FloatArray:
+        found = errors.get(cell.method, 0.05 * NOISE)
+        return found[LEVELS.index(cell.level.level)] if isinstance(found, tuple) else found
+
+    return figures_of(study, error)
 
 
 def linear(figures: Figures) -> SetFigures:
@@ -166,22 +172,25 @@ def test_claims_are_shown_or_refuted_by_the_figures(study: Study) -> None:
         assert [each.finding for each in both_claims(study, paper=paper, dlmmse=dlmmse)] == findings
 
 
-def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("spoiled", "finding", "scenes"), [(0.04, "shown", 6), (0.01, "shown in part", 5)])
+def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path, spoiled: float, finding: str, scenes: int) -> None:
     """On one of six scenes the rival is better: shown in part, however far ahead we are on the others."""
     study = study_of(tmp_path, methods=("paper", "dlmmse"), count=FEW)
-    for spoiled, finding, scenes in ((0.04, "shown", "6 of 6 scenes"), (0.01, "shown in part", "5 of 6 scenes")):
-        results = {}
-        for cell in study.cells():
-            size = {("dlmmse", 0.0): 0.04, ("dlmmse", 0.03): 0.08}.get((cell.method, cell.level.level), 0.02)
-            size = spoiled if (cell.scene.name, cell.method, cell.level) == ("scene3", "dlmmse", CLEAN) else size
-            results[cell] = Measures.of(TRUTH + np.float32(size) * (NOISE if cell.method == "paper" else GREY), TRUTH)
-        group = linear(Figures(study, results))
-        assert ("(scene3, DLMMSE 2005) to" in standing(group, CLEAN, RGB)) == (spoiled == 0.01)  # the worst comes first
-        claim = claims(group)[0]
-        assert claim.finding == finding
-        assert scenes in claim.scenes
-        assert "chance" not in claim.scenes
-    few = both_claims(study_of(tmp_path), paper=(0.02 * NOISE, 0.02 * NOISE), dlmmse=(0.04 * GREY, 0.08 * GREY))
+    usual, odd = {CLEAN: 0.04 * GREY, NOISY: 0.08 * GREY}, {("scene3", CLEAN): spoiled * GREY}
+
+    def error(cell: Cell) -> FloatArray:
+        return 0.02 * NOISE if cell.method == "paper" else odd.get((cell.scene.name, cell.level), usual[cell.level])
+
+    group = linear(figures_of(study, error))
+    assert ("(scene3, DLMMSE 2005) to" in standing(group, CLEAN, RGB)) == (spoiled == 0.01)  # the worst comes first
+    claim = claims(group)[0]
+    assert claim.finding == finding
+    assert f"{scenes} of 6 scenes" in claim.scenes
+    assert "chance" not in claim.scenes
+
+
+def test_a_claim_on_few_scenes_may_be_chance(study: Study) -> None:
+    few = both_claims(study, paper=(0.02 * NOISE, 0.02 * NOISE), dlmmse=(0.04 * GREY, 0.08 * GREY))
     assert [claim.scenes.partition(" (")[2] for claim in few] == ["fewer than 6 scenes: this may be chance)"] * 2
 
 
@@ -189,11 +198,8 @@ def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> N
 def test_a_growing_lead_may_not_fall_in_between(tmp_path: Path, middle: float, finding: str) -> None:
     study = study_of(tmp_path, levels=PaperProtocol.levels((0.0, 0.01, 0.03)), methods=("paper", "dlmmse"))
     sizes = {0.0: 0.08, 0.01: middle, 0.03: 0.16}
-    results = {
-        cell: Measures.of(TRUTH + np.float32(sizes[cell.level.level] if cell.method == "dlmmse" else 0.05) * NOISE, TRUTH)
-        for cell in study.cells()
-    }
-    assert claims(linear(Figures(study, results)))[1].finding == finding
+    figures = figures_of(study, lambda cell: (sizes[cell.level.level] if cell.method == "dlmmse" else 0.05) * NOISE)
+    assert claims(linear(figures))[1].finding == finding
 
 
 def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
@@ -236,17 +242,8 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
 
 def test_patterns_are_compared_with_each_other_and_with_their_planes(tmp_path: Path) -> None:
     study = study_of(tmp_path, ("paper", "planes", "bilinear"), tiles=(*chosen_tiles([4, 6], ()), KODAK))
-    error = {
-        ("paper", "K=6"): 0.02,
-        ("paper", "K=4"): 0.03,
-        ("paper", "Kodak"): 0.01,
-        ("planes", "K=6"): 0.08,
-        ("planes", "Kodak"): 0.04,
-    }
-    results = {
-        cell: Measures.of(TRUTH + np.float32(error.get((cell.method, cell.pattern), 0.02)) * NOISE, TRUTH) for cell in study.cells()
-    }
-    figures = Figures(study, results)
+    sizes = {"paper": {"K=4": 0.03, "Kodak": 0.01}, "planes": {"K=6": 0.08, "Kodak": 0.04}, "bilinear": dict[str, float]()}
+    figures = figures_of(study, lambda cell: sizes[cell.method].get(cell.pattern, 0.02) * NOISE)
     assert study.rivals == ["bilinear"]
     group = linear(figures)
     assert group.best_pattern(CLEAN, RGB) == KODAK

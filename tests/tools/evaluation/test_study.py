@@ -13,13 +13,13 @@ from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import measured, small_scene, study_of
 from tests.walking import CHANGED, one_field_changed
 from tools.camera.protocols import PaperProtocol, SensorProtocol
-from tools.evaluation import cache
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
-from tools.evaluation.cache import FOLDER
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.evaluation.study import collect, tasks, work
+from tools.evaluation.study import FOLDER, collect, tasks, work
+from tools.evaluation.team import Team, needed_memory
+from tools.host.console import Console
 
 NOISY = PaperProtocol(0.03)
 
@@ -75,7 +75,7 @@ def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monke
         other[name] = study.cell(replace(scene, **{name: CHANGED}), NOISY, method, tile).name  # type: ignore[arg-type]
     for name, change in {"name": "menon", "version": 2, "balanced": False, "packages": ("numpy",)}.items():
         other[name] = study.cell(scene, NOISY, replace(method, **{name: change}), tile).name  # type: ignore[arg-type]
-    for place, name in ((PaperProtocol, "version"), (cache, "MEASURING")):
+    for place, name in ((PaperProtocol, "version"), (module, "MEASURING")):
         with monkeypatch.context() as changed:
             changed.setattr(place, name, 2)
             other[f"{place} {name}"] = study.cell(scene, NOISY, method, tile).name
@@ -121,3 +121,9 @@ def test_methods_that_share_their_denoising_are_one_task(tmp_path: Path) -> None
         pytest.skip("the extra `rivals` is not installed")
     todo, _ = tasks(study_of(tmp_path, methods=(*names, "bilinear")), tmp_path)
     assert sorted(len(task.cells) for task in todo) == sorted([len(names)] * 4 + [1] * 4)
+
+
+def test_processes_share_the_memory() -> None:
+    one = needed_memory(10**6)
+    assert one == 250 * 2**20 + 400 * 10**6
+    assert [Team(Console(), 4, memory).processes(10**6) for memory in (one - 1, one, 3 * one, 100 * one)] == [1, 1, 3, 4]

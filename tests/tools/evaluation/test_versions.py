@@ -5,11 +5,11 @@ import pytest
 
 from tests.tools.evaluation.examples import small_scene
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
-from tools.evaluation.cache import MEASURING
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.strokes import VERSION, drawing, kept
+from tools.evaluation.study import MEASURING
 from tools.evaluation.tiles import Tile
 
 NOISY, DARK = PaperProtocol(0.02), SensorProtocol(0.25)

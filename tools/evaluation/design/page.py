@@ -11,8 +11,7 @@ from tools.pictures.plot import Plot, round_step, ticks
 
 from ..page.gallery import WHY_PATTERNS, Exhibit
 from .judge import Figures
-from .proposals import Proposal, front
-from .slow import spearman
+from .proposals import Proposal, front, spearman
 
 _SIZE, _MARGINS = (720, 420), (58, 16, 16, 46)
 _MOST_DOTS, _ROWS = 3000, 12

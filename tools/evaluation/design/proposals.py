@@ -1,7 +1,12 @@
-"""The tiles that a search proposes, beside known ones, and what both judges say of them, for people and for machines."""
+"""The tiles that a search proposes, beside known ones, and what both judges say of them, for people and for machines.
+
+The slow judge puts tiles before photographs, rendered by `best` and measured as `panchroma evaluate` does.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,14 +14,22 @@ import numpy as np
 from shared import CfaPattern
 from shared.arrays import BoolArray
 from shared.pattern import PANCHROMATIC
+from tools.camera.protocols import Protocol
 
+from ..figures import TENTH_CHROMINANCE, WHOLE, WHOLE_CHROMINANCE, WHOLE_LUMINANCE
 from ..figures import Figures as Measured
+from ..scene_sets import Reading
+from ..study import Study, collect, tasks
+from ..team import Team
+from ..tiles import Tile
 from .judge import FastJudge, Figures
 from .search import Search
-from .slow import slow_figures
 
 _SHOWN = 12
 _KNOWN = ("K=6", "K=4", "kodak")
+METHOD = "best"
+SLOW = (WHOLE_LUMINANCE, WHOLE_CHROMINANCE, TENTH_CHROMINANCE, WHOLE)
+"""What evaluate measures of luminance, colour, worst colour and whole images, in the order of the fast judge's figures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +93,52 @@ def proposed(search: Search, judge: FastJudge, every: Sequence[Proposal]) -> lis
     known = [CfaPattern.of_letters(name).tile for name in _KNOWN] if judge.letters == "RGB" else []
     named = [Proposal.of(search, judge, tile, name) for tile, name in zip(known, _KNOWN, strict=False)]
     return [replace(each, name=each.name or str(place)) for place, each in enumerate(_ordered(dozen), 1)] + named
+
+
+def photographed(
+    tiles: Sequence[Tile],
+    levels: Sequence[Protocol],
+    sources: list[str],
+    folder: Path,
+    team: Team,
+    reading: Reading,
+    seed: int = 0,
+    method: str = METHOD,
+) -> Measured:
+    """Measure tiles on scenes; what was measured before is kept in the folder. Raises InputError where nothing can be measured.
+
+    levels: the light.
+    sources: files and folders of scenes.
+    reading: how they are read.
+    seed: of the noise.
+    method: name of the render.
+    """
+    scenes, _, _ = team.read(sources, folder, reading)
+    study = Study(tuple(scenes), (method,), tuple(levels), tuple(tiles), seed, reading)
+    team.measure(tasks(study, folder)[0])
+    return Measured(study, collect(study, folder))
+
+
+def slow_figures(measured: Measured, letters: Sequence[str]) -> tuple[Figures, ...]:
+    """What was measured of the tile with these rows under each light, dB; NaN where it failed.
+
+    Where there are several sets of scenes it is the mean over these.
+    """
+    tile = next(each for each in measured.study.tiles if each.pattern.tile == tuple(letters))
+    method, found = measured.study.methods[0], []
+    for level in measured.study.levels:
+        rows = [each for group in measured.sets if (each := group.figure(level, method, tile=tile))]
+        values = (float(np.mean([criterion.of(each) for each in rows])) if rows else nan for criterion in SLOW)
+        found.append(Figures(*values))
+    return tuple(found)
+
+
+def spearman(one: Sequence[float], other: Sequence[float]) -> float:
+    """Rank correlation of two lists of figures, -1 to 1; NaN where one does not vary. Equal figures share their mean rank."""
+    from scipy.stats import rankdata
+
+    with np.errstate(invalid="ignore"):
+        return float(np.corrcoef(rankdata(one), rankdata(other))[0, 1])
 
 
 def by_measurement(shown: Sequence[Proposal], measured: Measured, weights: Mapping[str, float]) -> list[Proposal]:

@@ -41,8 +41,7 @@ from tools.rendering.in_memory import program_version
 
 from .pictures import Image, Picture, to_srgb
 from .quality import Evaluation, evaluate
-from .rendering import render
-from .shots import Shot, open, preview  # noqa: A004  (panchroma.open is what it is called)
+from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
 from .simulation import simulate
 from .tiles import Design, design
 

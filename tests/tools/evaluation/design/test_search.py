@@ -8,8 +8,8 @@ import pytest
 
 from shared.errors import InputError
 from tools.evaluation.design.judge import FastJudge, Figures, Light
+from tools.evaluation.design.proposals import spearman
 from tools.evaluation.design.search import Judged, Limits, Search, Tile, canonical, small_tiles
-from tools.evaluation.design.slow import spearman
 
 LIMITS = Limits("RGB", (3, 4), 0.6, 0.9)
 

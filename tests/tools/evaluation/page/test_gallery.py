@@ -15,6 +15,7 @@ from tools.evaluation.page.gallery import (
     WHY_HUE,
     WHY_WORST,
     Crop,
+    Exhibit,
     Named,
     choose_crops,
     render_crop,
@@ -58,12 +59,9 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     assert {crop.level for crop in crops} == set(study.levels)
     worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == study.levels[1])
     taken = [crop for crop in crops if crop.level == study.levels[1] and crop is not worst]
-    own = figures.results[study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile)].errors
-    truth = study.reading.scene(study.scenes[0].source).rgb
-    rendered = render_cell(
-        study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile), study.seed, study.reading
-    )
-    assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= own.max() * 1.001
+    cell = study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile)
+    truth, rendered = study.reading.scene(cell.scene.source).rgb, render_cell(cell, study.seed, study.reading)
+    assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= figures.results[cell].errors.max() * 1.001
     for crop in crops:
         place = tuple(window_origins(size).index(at) for size, at in ((318, crop.row), (342, crop.column)))
         errors = {cell.method: each.errors[place] for cell, each in figures.results.items() if cell.level == crop.level}
@@ -92,11 +90,13 @@ def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
             assert 10 < picture.psnr < 80
 
 
+def exhibit(study: Study) -> Exhibit:
+    """The middle of the first scene."""
+    return render_exhibit(study, (Crop(study.scenes[0], study.levels[0], 15, 15, 48, 60, WHY_WORST), study.methods))
+
+
 def test_the_last_picture_of_an_exhibit_shows_what_is_measured_inferred_and_guessed(tmp_path: Path) -> None:
-    np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0))
-    study = study_of(tmp_path, methods=("best", "bilinear"), count=1)
-    crop = Crop(study.scenes[0], study.levels[0], 15, 15, 48, 60, WHY_WORST)
-    *pictures, shown = render_exhibit(study, (crop, ("best", "bilinear"))).pictures
+    *pictures, shown = exhibit(study_of(tmp_path, methods=("best", "bilinear"), count=1)).pictures
     assert [picture.psnr is None for picture in (*pictures, shown)] == [True, False, False, True]
     assert "guessed" in shown.name
     assert shown.pixels.shape == pictures[0].pixels.shape
@@ -105,9 +105,8 @@ def test_the_last_picture_of_an_exhibit_shows_what_is_measured_inferred_and_gues
 
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
-    study = study_of(tmp_path, count=1)
-    crop = Crop(study.scenes[0], study.levels[0], 15, 15, 48, 60, WHY_WORST)
-    shown = render_exhibit(study, (crop, ("bilinear",)))
+    study = study_of(tmp_path, methods=("bilinear",), count=1)
+    shown = exhibit(study)
     assert shown.stops > 3
     assert shown.pictures[0].pixels.mean() > 60
     assert Reading().scene(study.scenes[0].source).rgb.max() < 0.06

@@ -1,4 +1,4 @@
-"""Anybody's network: fed as its description says, any order and size; what is wrong is said with the file's name."""
+"""Networks: anybody's is fed as its description says, what is wrong is said with the file's name; Gharbi's beats interpolation."""
 
 import json
 from pathlib import Path
@@ -8,15 +8,22 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper, numpy_helper, save
 
+from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import sample_bayer
 from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import choose, methods
+from tools.evaluation.metrics import psnr
+from tools.evaluation.rivals.demosaicnet import METHODS, demosaic_demosaicnet
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green
+
+needs_demosaicnet = pytest.mark.skipif(
+    METHODS[0].missing is not None, reason="PyTorch or demosaicnet is missing: pip install 'panchroma[learned-rivals]'"
+)
 
 
 def network(folder: Path, weights: np.ndarray, blocks: int, **said: Any) -> str:
@@ -86,3 +93,31 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], inputs={"x": {"form": "sparse"}})
     with pytest.raises(InputError, match=r"mine\.onnx: does not take"):
         methods()[path].function(BayerShot(np.ones((40, 40), np.float32), 0.0, 0.0), WHITE)
+
+
+def scene(height: int, width: int) -> FloatArray:
+    return builtin_scene(330, 220).rgb[60 : 60 + height, 40 : 40 + width]
+
+
+@needs_demosaicnet
+@pytest.mark.parametrize("shape", [(61, 80), (90, 75)])
+def test_gharbis_is_better_than_interpolation(shape: tuple[int, int]) -> None:
+    rgb = scene(*shape)
+    mosaic = sample_bayer(rgb)
+    found = demosaic_demosaicnet(mosaic)
+    assert found.shape == rgb.shape
+    assert found.dtype == np.float32
+    assert psnr(found, rgb, 4) > psnr(demosaic_bilinear(mosaic), rgb, 4) + 1
+
+
+@needs_demosaicnet
+def test_a_grey_surface_stays_grey() -> None:
+    assert np.abs(demosaic_demosaicnet(sample_bayer(np.full((40, 44, 3), 0.4, np.float32))) - 0.4).max() < 0.01
+
+
+@needs_demosaicnet
+def test_pieces_are_not_seen() -> None:
+    rgb = np.concatenate([scene(150, 60)] * 4)
+    mosaic = sample_bayer(rgb)
+    whole, upper = demosaic_demosaicnet(mosaic), demosaic_demosaicnet(mosaic[:420])
+    assert np.abs(whole[:370] - upper[:370]).max() < 1e-4
