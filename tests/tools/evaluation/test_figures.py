@@ -176,10 +176,10 @@ def test_claims_are_shown_or_refuted_by_the_figures(study: Study) -> None:
 def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path, spoiled: float, finding: str, scenes: int) -> None:
     """On one of six scenes the rival is better: shown in part, however far ahead we are on the others."""
     study = study_of(tmp_path, methods=("paper", "dlmmse"), count=FEW)
-    usual, odd = {CLEAN: 0.04 * GREY, NOISY: 0.08 * GREY}, {("scene3", CLEAN): spoiled * GREY}
+    usual, odd = {0.0: 0.04 * GREY, 0.03: 0.08 * GREY}, {("scene3", 0.0): spoiled * GREY}
 
     def error(cell: Cell) -> FloatArray:
-        return 0.02 * NOISE if cell.method == "paper" else odd.get((cell.scene.name, cell.level), usual[cell.level])
+        return 0.02 * NOISE if cell.method == "paper" else odd.get((cell.scene.name, cell.level.level), usual[cell.level.level])
 
     group = linear(figures_of(study, error))
     assert ("(scene3, DLMMSE 2005) to" in standing(group, CLEAN, RGB)) == (spoiled == 0.01)  # the worst comes first
