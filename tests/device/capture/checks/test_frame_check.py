@@ -119,7 +119,7 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
         ),
         *(
             (("u16", 0, PATTERN, 0, light), of(bits=bits), "likely `sensor_bits=12`.")
-            for bits, light in ((10, 1.0), (14, 1.0), (16, 1.0), (14, 0.2), (16, 5.0))
+            for bits, light in ((10, 1.0), (14, 1.0), (16, 1.0), (14, 0.2), (14, 5.0), (16, 5.0))
         ),
         *((("raw12",), of("raw12", CfaPattern.bayer(period)), "likely `period=6` `origin=2 1`.") for period in (3, 4, 5, 12)),
         *((("u16",), of(pattern=CfaPattern.bayer(6, origin=place)), "likely `origin=2 1`.") for place in ((3, 1), (2, 0), (5, 4))),
