@@ -5,7 +5,7 @@ import pytest
 
 from device import Preview
 from device.preview.listed_defects import without_defects
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.sensor import sample
 
@@ -18,11 +18,6 @@ CLOSE = 0.05
 SHAPE = 60, 66
 
 
-def scattered_places(shape: tuple[int, int]) -> list[tuple[int, int]]:
-    rng = np.random.default_rng(1)
-    return [(row, column) for row in range(shape[0]) for column in range(shape[1]) if rng.random() < 0.01]
-
-
 PLACES = {
     "one red site": [(30, 30)],
     "one panchromatic pixel": [(33, 33)],
@@ -30,19 +25,16 @@ PLACES = {
     "a cluster": [(row, column) for row in range(28, 38) for column in range(29, 39)],
     "a row": [(30, column) for column in range(SHAPE[1])],
     "a column": [(row, 31) for row in range(SHAPE[0])],
-    "the edges": [(row, column) for row in range(60) for column in range(66) if row in (0, 59) or column in (0, 65)],
+    "the edges": [place for place in np.ndindex(SHAPE) if place[0] in (0, 59) or place[1] in (0, 65)],
     "the corners": [(0, 0), (0, 65), (59, 0), (59, 65)],
-    "scattered": scattered_places(SHAPE),
+    "scattered": [(row, column) for row, column in np.argwhere(np.random.default_rng(1).random(SHAPE) < 0.01).tolist()],
 }
 
 
 def smooth(pattern: CfaPattern) -> FloatArray:
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    light = (
-        0.25
-        + 0.1 * np.sin(rows / 20)[..., None]
-        + 0.1 * np.cos(columns / 17)[..., None] * np.linspace(1, 0.3, len(pattern.channels))
-    )
+    tint = np.linspace(1, 0.3, len(pattern.channels))
+    light = 0.25 + 0.1 * np.sin(rows / 20)[..., None] + 0.1 * np.cos(columns / 17)[..., None] * tint
     return light.astype(np.float32)
 
 
@@ -95,15 +87,13 @@ def test_without_defects_in_the_frame_nothing_is_copied() -> None:
 
 
 def test_a_frame_without_a_good_sample_is_shown() -> None:
-    clean, damaged = shots(SIX, [(row, column) for row in range(SHAPE[0]) for column in range(SHAPE[1])])
+    clean, damaged = shots(SIX, [*np.ndindex(SHAPE)])
     assert np.isfinite(Preview.for_mosaic(clean, linear=True).run(damaged)).all()
     every_red = [(row, column) for row in range(0, 60, 6) for column in range(0, 66, 6)]
     assert np.isfinite(Preview.for_mosaic(clean, linear=True).run(shots(SIX, every_red)[1])).all()
 
 
 def test_defects_in_a_shaded_shot() -> None:
-    from shared import Shading
-
     shading = Shading((((1.0,) * 4,) * 4,) * 4, SHAPE)
     clean, damaged = (
         replace(each, calibration=replace(each.calibration, shading=shading)) for each in shots(SIX, PLACES["scattered"])
