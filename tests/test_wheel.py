@@ -1,8 +1,6 @@
 """The wheel: every module and every file that the program reads is in it, and it works where there is no clone."""
 
 import shutil
-import subprocess
-import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from zipfile import ZipFile
@@ -10,6 +8,7 @@ from zipfile import ZipFile
 import pytest
 
 from tests.data import ROOT
+from tests.python import run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
 _FACADE = Path("tools/notebook/panchroma")
@@ -49,8 +48,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
-    done = subprocess.run([sys.executable, "-c", _BUILD, folder], cwd=sources, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_python(_BUILD, folder, folder=sources)
     (wheel,) = folder.glob("*.whl")
     with ZipFile(wheel) as archive:
         archive.extractall(folder)
@@ -74,7 +72,5 @@ def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> N
 
 
 def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:
-    line = [sys.executable, "-P", "-c", _USE, str(installed)]
-    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_python(_USE, installed, folder=tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"shot.dng", "shot.jpg", "truth.png"}

@@ -80,6 +80,8 @@ def test_another_camera_is_refused_and_both_are_named() -> None:
         CAMERA.calibrated(mosaic(CfaPattern.bayer(6, "BGGR")))
     with pytest.raises(InputError, match=r"16 bits.*12"):
         CAMERA.calibrated(mosaic(CfaPattern.bayer(6), white_level=60000))
+    with pytest.raises(InputError, match=r"10 bits.*12"):
+        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), white_level=1000))
 
 
 def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:

@@ -113,6 +113,7 @@ def test_a_record_whose_digest_is_right_may_still_be_wrong() -> None:
     del document["digest"]
     for change in (
         {"shape": ["a", "b"]},
+        {"schema": 2},
         {"samples": 7},
         {"pattern": {"tile": [1], "origin": [0, 0], "channels": "RGB"}},
         {"pattern": {**document["pattern"], "origin": [HUGE, 0]}},

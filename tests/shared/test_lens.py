@@ -1,4 +1,4 @@
-"""What is measured of a lens, in shots and camera files."""
+"""What is measured of a lens: shading and aberration as values, in shots and camera files, and in what a sensor sees."""
 
 import json
 from dataclasses import replace
@@ -7,32 +7,42 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
+from scipy.ndimage import map_coordinates
 
 from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
+from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_sensor
+from shared.sensor import sample, simulate_additive, simulate_sensor
+from shared.shading import basis
+from shared.white_balance import estimate_neutral
 from tests.scenes import darker_corners, displaced_channels
 
 SHAPE = (61, 90)
-BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))
+BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
+DARKER = darker_corners(SHAPE)
+KNOWN = {"shading": DARKER, "aberration": displaced_channels(SHAPE)}
+SHADED = replace(BARE, shading=DARKER)
+FRINGED = Aberration([(0.02, 0.01), (0, 0), (-0.01, -0.02)], SHAPE, 35)  # type: ignore[arg-type]
+EVEN = [[[1.0] * 4] * 4] * 4
 FIGURES: dict[str, tuple[type[Shading] | type[Aberration], dict[str, Any]]] = {
-    "shading": (Shading, {"gain": [[[1.0] * 4] * 4] * 4, "size": SHAPE}),
+    "shading": (Shading, {"gain": EVEN, "size": SHAPE}),
     "aberration": (Aberration, {"radial": [[0, 0]] * 3, "size": SHAPE}),
 }
-KNOWN = {"shading": darker_corners(SHAPE), "aberration": displaced_channels(SHAPE)}
 
 
-def shot(part: str) -> Mosaic:
-    """A shot of a lens of which this part is known."""
-    scene = np.random.default_rng(1).uniform(0.1, 1, (*SHAPE, 3)).astype(np.float32)
-    known = replace(BARE, **{part: KNOWN[part]})  # type: ignore[arg-type]
-    return simulate_sensor(scene, PATTERN, known, 1.0, np.random.default_rng(0))
+def scene() -> FloatArray:
+    return np.random.default_rng(1).uniform(0.1, 1, (*SHAPE, 3)).astype(np.float32)
+
+
+def shot_by(calibration: SensorCalibration) -> Mosaic:
+    return simulate_sensor(scene(), PATTERN, calibration, 1.0, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("part", KNOWN)
 def test_files_keep_it(part: str, tmp_path: Path) -> None:
-    taken = shot(part)
+    taken = shot_by(replace(BARE, **{part: KNOWN[part]}))  # type: ignore[arg-type]
     write_dng(tmp_path / "shot.dng", taken, np.zeros((10, 10, 3), np.uint8))
     assert read_dng(tmp_path / "shot.dng").calibration == taken.calibration
     (tmp_path / "camera.json").write_text(json.dumps(Camera(replace(taken.calibration, noise=None)).to_json()))
@@ -58,3 +68,108 @@ def test_it_is_of_one_sensor_and_its_document_is_checked(part: str) -> None:
     with pytest.raises(InputError, match="measured on frames of 90 x 61 pixels, and the frame has 90 x 90"):
         Mosaic(np.zeros((90, 90), np.float32), PATTERN, known)
     Mosaic(np.zeros((122, 180), np.float32), PATTERN, known)  # larger pixels of the same sensor
+
+
+@pytest.mark.parametrize(
+    ("part", "changed", "words"),
+    [
+        ("shading", {"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
+        ("shading", {"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
+        ("shading", {"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
+        ("shading", {"gain": [[[float("nan")] * 4] * 4] * 4}, "gain holds a figure"),
+        ("shading", {"gain": [[[-1.0] * 4] * 4] * 4}, "the gains are -1 to -1"),
+        ("shading", {"gain": [[[1.1] * 4] * 4] * 4}, "in the middle of the frame"),
+        ("shading", {"residual": -1.0}, "residual is -1"),
+        ("aberration", {"radial": [(0.1, 0), (0, 0), (0, 0)]}, "holds a figure that is not -0.05 to 0.05"),
+        ("aberration", {"radial": [(float("nan"), 0), (0, 0), (0, 0)]}, "holds a figure"),
+        ("aberration", {"radial": [(0.01, 0), (0.01, 0), (0.01, 0)]}, "one channel with"),
+        ("aberration", {"radial": [0.01, 0, 0]}, "radial is 0.01, expected a list of numbers"),
+        ("aberration", {"radial": [("0.01", 0), (0, 0), (0, 0)]}, r"radial is \('0.01', 0\), expected a list of numbers"),
+    ],
+)
+def test_what_is_none_is_refused(part: str, changed: dict[str, Any], words: str) -> None:
+    kind, figures = FIGURES[part]
+    with pytest.raises(InputError, match=words):
+        kind(**{**figures, **changed})
+
+
+def test_other_channels_are_refused_and_another_focal_length_is_told() -> None:
+    assert SensorCalibration().id == "cf85a866dfbe7789"  # as before a calibration had parts of the lens
+    with pytest.raises(InputError, match=r"shading has 3 planes, expected 4 \(RGBW\)"):
+        SensorCalibration(shading=Shading(EVEN[:3], SHAPE))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"aberration has 2 channels, expected 3 \(RGB\)"):
+        SensorCalibration(aberration=Aberration([(0, 0), (0, 0)], SHAPE))  # type: ignore[arg-type]
+    assert (
+        FRINGED.zoomed(50) == "taken at 50 mm, but its chromatic aberration was measured at 35 mm: fringes may remain, or be made"
+    )
+    assert FRINGED.zoomed(35.5) == FRINGED.zoomed(None) == ""
+
+
+def test_a_part_has_the_gain_of_the_whole() -> None:
+    whole = DARKER.of_plane(SHAPE, 0)
+    for rows, columns in ((slice(4, 5), slice(None)), (slice(3, None, 6), slice(2, None, 6)), (slice(0, 61), slice(89, 90))):
+        assert np.array_equal(DARKER.of_plane(SHAPE, 0, rows, columns), whole[rows, columns])
+    assert whole[30, 45] == pytest.approx(1, abs=1e-3)
+
+
+def test_control_points_are_those_of_a_cubic_spline() -> None:
+    points = np.random.default_rng(0).uniform(1, 2, 9)
+    spline = BSpline(np.arange(-3, 10) / 6, points, 3)
+    np.testing.assert_allclose(basis(100, 9, np.arange(100.0)) @ points, spline((np.arange(100) + 0.5) / 100), rtol=1e-12)
+
+
+def test_what_the_sensor_reads_is_less_and_scene_units_are_not() -> None:
+    shaded, even = sample(scene(), PATTERN, SHADED), sample(scene(), PATTERN, BARE)
+    planes = PATTERN.filter_map(SHAPE)
+    for plane in range(4):
+        here = planes == plane
+        np.testing.assert_allclose((even / shaded)[here], DARKER.of_plane(SHAPE, plane)[here], rtol=1e-5)
+    shot = simulate_additive(scene(), PATTERN, SHADED, 0.0, np.random.default_rng(0))
+    np.testing.assert_allclose(shot.signal, even, rtol=1e-5)
+    of_codes = Mosaic(shot.codes, PATTERN, SHADED)
+    np.testing.assert_allclose(of_codes.signal, even, atol=2e-4)
+    assert np.array_equal(of_codes.in_scene_units().codes, of_codes.codes)
+
+
+def test_evenly_shaded_frames_keep_what_panchromatic_pixels_read() -> None:
+    shot = shot_by(SHADED)
+    dim, clear = shot.evenly_shaded(), PATTERN.panchromatic_mask(SHAPE)
+    assert dim.calibration.shading is None
+    assert np.array_equal(dim.signal[clear], Mosaic(shot.codes, PATTERN, BARE).signal[clear])
+    np.testing.assert_allclose(dim.signal * DARKER.of_plane(SHAPE), shot.signal, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(shot.in_scene_units().evenly_shaded().signal, dim.signal, rtol=1e-5, atol=1e-6)
+
+
+def test_the_neutral_is_estimated_without_it() -> None:
+    grey = np.full((120, 180, 3), (0.4, 0.6, 0.5), np.float32)
+    lens = replace(BARE, shading=darker_corners((120, 180), colour=0.3))
+    shot = simulate_sensor(grey, PATTERN, lens, 1.0, np.random.default_rng(0))
+    assert estimate_neutral(shot) == pytest.approx((0.4 / 0.6, 1, 0.5 / 0.6), rel=0.02)
+
+
+def test_channels_are_displaced_by_cubic_splines() -> None:
+    rgb, (y, x) = scene(), np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    y0, x0 = (SHAPE[0] - 1) / 2, (SHAPE[1] - 1) / 2
+    square = ((y - y0) ** 2 + (x - x0) ** 2) / (y0**2 + x0**2)
+    seen = FRINGED.displaced(rgb)
+    for channel, (a, b) in enumerate(FRINGED.radial):
+        size = 1 + a + b * square
+        places = y0 + (y - y0) * size, x0 + (x - x0) * size
+        expected = map_coordinates(rgb[..., channel].astype(float), places, order=3, mode="mirror")
+        np.testing.assert_allclose(seen[..., channel], expected, atol=2e-6)
+    assert np.array_equal(seen[..., 1], rgb[..., 1])
+
+
+def test_displacements_are_told_in_pixels() -> None:
+    half = np.hypot(60, 89) / 2
+    assert FRINGED.corner(SHAPE) == pytest.approx((0.03 * half, 0, -0.03 * half))
+    assert FRINGED.reach(SHAPE) == pytest.approx(0.03 * half)
+    turning = Aberration([(0, 0), (0.04, -0.04), (0, 0)], SHAPE)  # type: ignore[arg-type]
+    assert turning.corner(SHAPE) == (0, 0, 0)
+    assert turning.reach(SHAPE) == pytest.approx(0.04 * half * 2 / 3 / 3**0.5, rel=1e-3)
+
+
+def test_the_sensor_sees_what_the_lens_makes_of_a_scene() -> None:
+    assert np.array_equal(
+        sample(scene(), PATTERN, replace(BARE, aberration=FRINGED)), sample(FRINGED.displaced(scene()), PATTERN, BARE)
+    )

@@ -11,7 +11,7 @@ import pytest
 from shared import CfaPattern, Mosaic
 from shared.dng import codec, decode_dng, decode_preview, encode_dng
 from shared.dng.container import main_directory, raw_digest, raw_directory
-from shared.dng.record import decode_record, encode_record, record_id
+from shared.dng.record import encode_record, record_id
 from shared.dng.tags import Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
@@ -20,36 +20,27 @@ from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
 
-def tampered(raw_fields: Fields, strips: list[bytes] | None = None) -> bytes:
-    """A file of ours, record, digest and all, whose raw directory says something else."""
-    original = mosaic(CfaPattern.bayer(9))
-    raw = raw_directory(original.codes, 12, Photometric.LINEAR_RAW)
-    raw.fields.update(raw_fields)
+def parts(shot: Mosaic, fields: Fields | None = None, strips: list[bytes] | None = None) -> tuple[Directory, bytes]:
+    """The directories of a shot's file, whose raw directory says what is given besides, and the record of the shot."""
+    raw, digest = raw_directory(shot.codes, 12, Photometric.LINEAR_RAW), raw_digest(shot.codes)
+    raw.fields.update(fields or {})
     raw.strips = raw.strips if strips is None else strips
-    digest = raw_digest(original.codes)
-    return sealed(original, main_directory(preview(), METADATA, "Panchroma", raw, digest), digest)
+    main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
+    return main, encode_record(shot, digest, main.strips[0])
 
 
-def sealed(original: Mosaic, main: Directory, digest: bytes) -> bytes:
-    """A file of these directories with the record of a shot, and its identity."""
-    record = encode_record(original, digest, main.strips[0])
+def sealed(main: Directory, record: bytes, identity: str | None) -> bytes:
+    """A file of these directories with this record and identity; None = left out."""
     main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, record_id(record).encode()
-    return encode_tiff(main)
-
-
-def assembled(shots: list[Mosaic], samples: int = 0, record: int = 0, identity: int | None = 0) -> bytes:
-    """A file of ours with each part from another of these shots; identity: None = left out."""
-    parts = []
-    for shot in shots:
-        raw, digest = raw_directory(shot.codes, 12, Photometric.LINEAR_RAW), raw_digest(shot.codes)
-        main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
-        parts.append((main, encode_record(shot, digest, main.strips[0])))
-    main = parts[samples][0]
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, parts[record][1]
     if identity is not None:
-        main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, decode_record(parts[identity][1]).id.encode()
+        main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, identity.encode()
     return encode_tiff(main)
+
+
+def tampered(fields: Fields, strips: list[bytes] | None = None, shot: Mosaic | None = None) -> bytes:
+    """A file of ours, record, digest and all, whose raw directory says something else."""
+    main, record = parts(mosaic(CfaPattern.bayer(9)) if shot is None else shot, fields, strips)
+    return sealed(main, record, record_id(record))
 
 
 def sides(rows: int, columns: int) -> Fields:
@@ -144,8 +135,7 @@ def test_strips_must_lie_in_the_file_and_side_by_side() -> None:
         Tag.COMPRESSION: (FieldType.SHORT, [1]),
         Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16]),
     }
-    (samples,) = [mosaic(CfaPattern.bayer(9)).codes]
-    strips = [row.tobytes() for row in samples]
+    strips = [row.tobytes() for row in mosaic(CfaPattern.bayer(9)).codes]
     assert same(decode_dng(tampered(many, strips)), mosaic(CfaPattern.bayer(9)))
     data = tampered(many, strips)
     sizes = struct.pack(f"<{rows}I", *[53 * 2] * rows)
@@ -183,9 +173,9 @@ def test_a_shot_is_not_put_together_from_two() -> None:
     ):
         shots = [one, other]
         for samples, record, identity in product((0, 1), (0, 1), (0, 1, None)):
-            data = assembled(shots, samples, record, identity)
-            of_one_shot = np.array_equal(shots[samples].codes, shots[record].codes) and identity == record
-            if of_one_shot:
+            of_each = [parts(shot) for shot in shots]
+            data = sealed(of_each[samples][0], of_each[record][1], None if identity is None else record_id(of_each[identity][1]))
+            if np.array_equal(shots[samples].codes, shots[record].codes) and identity == record:
                 assert same(decode_dng(data), shots[record])
             else:
                 with pytest.raises(InputError, match=r"damaged: (the record .* is that of another shot|its parts are not all)"):
@@ -199,13 +189,8 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
     rows, columns = shape
     for changed in ((columns, rows), (rows * 2, columns // 2), (rows // 2, columns * 2), (1, rows * columns), (rows - 1, columns)):
         fields = {**sides(*changed), Tag.COMPRESSION: (FieldType.SHORT, [1]), Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16])}
-        raw = raw_directory(original.codes, 12, Photometric.LINEAR_RAW)
-        raw.fields.update(fields)
-        raw.strips = [original.codes.tobytes()]
-        digest = raw_digest(original.codes)
-        main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
         with pytest.raises(InputError, match="damaged: the samples"):
-            decode_dng(sealed(original, main, digest))
+            decode_dng(tampered(fields, [original.codes.tobytes()], original))
 
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
