@@ -258,10 +258,8 @@ class SensorCalibration:
     def to_json(self) -> dict[str, Any]:
         """The calibration as a JSON object; `from_json` turns it back."""
         document = {"schema": SCHEMA, **asdict(self)}
-        if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
-            del document["neutral_estimated"]
-        for name in (*LENS, "lights"):  # likewise
-            if document[name] is None:
+        for name in ("neutral_estimated", *LENS, "lights"):  # so that ids and files from before there were these stay the same
+            if not document[name]:
                 del document[name]
         if self.lights:
             del document["camera_to_xyz"]

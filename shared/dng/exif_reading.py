@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from ..errors import InputError
 from ..metadata import CaptureField, CaptureMetadata
-from ..tiff import FieldType
+from ..tiff import RATIOS, FieldType, number_format, value_bytes
 from ..tiff_reading import StoredDirectories, StoredField, read_directories
 from .exif import LARGEST_SHORT, NUMBERS, TEXTS, WRITTEN_GPS_VERSION, metadata_directory
 from .exif_table import GPS_VERSION, KEPT, REFERENCES, DirectoryName, Kept
@@ -29,7 +29,6 @@ _LONGEST, _LONGEST_MORE = 4096, 256
 _ASCII_CODE = b"ASCII\0\0\0"  # how Exif marks a text of type UNDEFINED
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
-_PACKED = {FieldType.BYTE: "B", FieldType.SHORT: "H", FieldType.RATIONAL: "I", FieldType.SRATIONAL: "i"}
 _LIMITS = {"NS": 90, "EW": 180}  # degrees
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
@@ -166,15 +165,14 @@ def _kept_data(field: StoredField, kept: Kept) -> bytes:
         return _ASCII_CODE + shown.encode() if shown and shown.isascii() else b""
     if isinstance(field.values, bytes) and field.kind != FieldType.BYTE:
         return b""
-    rational = kept.kind in (FieldType.RATIONAL, FieldType.SRATIONAL)
     numbers = tuple(field.values)
-    if rational and field.kind not in (FieldType.RATIONAL, FieldType.SRATIONAL):
+    if kept.kind in RATIOS and field.kind not in RATIOS:
         numbers = tuple(part for number in numbers for part in (number, 1))
     try:
-        data = struct.pack(f"<{len(numbers)}{_PACKED[kept.kind]}", *numbers)
+        data = struct.pack(f"<{len(numbers)}{number_format(kept.kind)}", *numbers)
     except struct.error:  # not whole numbers, or too large ones
         return b""
-    return data if len(numbers) == kept.count * (2 if rational else 1) else b""
+    return data if len(data) == kept.count * value_bytes(kept.kind) else b""
 
 
 def _makes_sense(directory: DirectoryName, tag: int, data: bytes, stored: StoredDirectories) -> bool:
@@ -207,10 +205,9 @@ def shown_fields(metadata: CaptureMetadata) -> dict[str, str | list[float | None
         if field.kind in (FieldType.ASCII, FieldType.UNDEFINED):
             shown[kept.name] = field.data.removeprefix(_ASCII_CODE).decode(errors="replace")
             continue
-        letter = _PACKED[field.kind]
-        numbers = struct.unpack(f"<{len(field.data) // struct.calcsize(f'<{letter}')}{letter}", field.data)
-        values = StoredField(field.kind, numbers).numbers if field.kind in (FieldType.RATIONAL, FieldType.SRATIONAL) else numbers
-        shown[kept.name] = [number if math.isfinite(number) else None for number in values]
+        values = struct.iter_unpack(f"<{number_format(field.kind)}", field.data)
+        numbers = StoredField(field.kind, tuple(value for (value,) in values)).numbers
+        shown[kept.name] = [number if math.isfinite(number) else None for number in numbers]
     return shown
 
 
