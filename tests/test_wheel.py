@@ -1,7 +1,6 @@
 """The wheel: every module and every file that the program reads is in it, and it works where there is no clone."""
 
 import shutil
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -31,18 +30,11 @@ main(["preview", "shot.dng", "-o", "."])
 """
 
 
-def _old_setuptools() -> bool:
-    try:
-        return int(version("setuptools").partition(".")[0]) < 77
-    except PackageNotFoundError:
-        return True
-
-
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what the wheel installs."""
-    if _old_setuptools():
-        pytest.skip("building the wheel needs setuptools 77 or newer: pip install 'setuptools>=77'")
+    reason = "building the wheel needs setuptools 77 or newer: pip install 'setuptools>=77'"
+    pytest.importorskip("setuptools", minversion="77", reason=reason)
     sources, folder = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("installed")
     for package in PACKAGES:  # a copy: setuptools leaves its work beside the sources
         shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))

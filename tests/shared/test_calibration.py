@@ -163,7 +163,6 @@ def test_equal_content_has_equal_id_whatever_number_types_it_came_in() -> None:
         ({"sensor": None}, "sensor is None, expected str"),
         ({"noise": {"shot": [0.0] * 4}}, 'object with "shot" and "read"'),
         ({"camera_to_xyz": 5}, "camera_to_xyz is not a list of lists of numbers: 5"),
-        ({"gamma": ["1", "2", "3"]}, "expected a list of numbers"),
         ({"gamma": [10**400, 1, 1]}, "gamma is .*, expected a list of numbers"),
         ({"gamma": None}, "gamma is None, expected a list of numbers"),
         ({"black_level": None}, "black_level is None, expected a list of numbers"),

@@ -27,12 +27,8 @@ def test_a_file_that_grows_meanwhile_gives_no_more_than_its_bound(tmp_path: Path
 def test_what_is_no_file_is_told(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "empty").touch()
-    for name, words in (
-        ("pipe", "is a pipe"),
-        ("empty", "is empty"),
-        (".", "is a folder; give a text"),
-        ("absent", "no such file"),
-    ):
+    said = {"pipe": "is a pipe", "empty": "is empty", ".": "is a folder; give a text", "absent": "no such file"}
+    for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_whole(tmp_path / name, 5, "a text")
     with pytest.raises(InputError, match="cannot be read"):

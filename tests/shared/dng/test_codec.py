@@ -97,10 +97,6 @@ def test_scene_units_are_stored_as_codes() -> None:
     np.testing.assert_array_equal(decode_dng(encode_dng(scene, preview())).samples, scene.codes)
 
 
-def test_the_same_mosaic_gives_the_same_bytes() -> None:
-    assert encode_dng(mosaic(), preview()) == encode_dng(mosaic(), preview())
-
-
 @pytest.mark.parametrize(
     ("original", "picture", "layout", "reason"),
     [
@@ -131,12 +127,8 @@ def test_directories_are_laid_out_as_dng_wants() -> None:
     assert main[50708] == "Panchroma Pr?fling 7"
     assert raw[33421] == (6, 6)
     shown = np.frombuffer(raw[33422], np.uint8).reshape(6, 6)
-    assert {(int(row), int(column)): int(shown[row, column]) for row, column in np.argwhere(shown != 6)} == {
-        (2, 5): 0,
-        (2, 0): 1,
-        (3, 5): 1,
-        (3, 0): 2,
-    }
+    coloured = {(row, column): shown[row, column] for row, column in np.argwhere(shown != 6).tolist()}
+    assert coloured == {(2, 5): 0, (2, 0): 1, (3, 5): 1, (3, 0): 2}
 
 
 def test_black_levels_are_told_per_pixel_where_planes_differ() -> None:
@@ -179,10 +171,8 @@ def test_digest_is_adobes() -> None:
     # The figures that Adobe's DNG SDK 1.7.1 finds for these samples (dng_negative::FindNewRawImageDigest).
     samples = np.arange(300 * 280, dtype=np.uint32).astype(np.uint16).reshape(300, 280)
     assert raw_digest(samples).hex() == "93531235569db4d81a0ae06c25f8d9fd"
-    assert (
-        raw_digest(np.stack([samples, samples[::-1], samples.T.reshape(300, 280)], axis=-1)).hex()
-        == "0ac03a8130d6b0ac9bf47effb07a8953"
-    )
+    planes = np.stack([samples, samples[::-1], samples.T.reshape(300, 280)], axis=-1)
+    assert raw_digest(planes).hex() == "0ac03a8130d6b0ac9bf47effb07a8953"
 
 
 def test_record_is_named_and_survives_padding() -> None:
@@ -199,14 +189,7 @@ def test_record_is_named_and_survives_padding() -> None:
 
 def test_record_tells_any_change() -> None:
     record = encode_record(mosaic(), b"digest", b"preview")
-    for changed in (
-        record.replace(b'"W', b'"G'),
-        record[:-1],
-        RECORD_ID,
-        RECORD_ID + b"[1]",
-        RECORD_ID + b"{}",
-        RECORD_ID + b"\xff",
-    ):
+    for changed in (record.replace(b'"W', b'"G'), record[:-1], *(RECORD_ID + other for other in (b"", b"[1]", b"{}", b"\xff"))):
         with pytest.raises(InputError, match="damaged: the record"):
             decode_record(changed)
 
