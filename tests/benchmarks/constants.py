@@ -226,13 +226,8 @@ class Trial:
                 found = json.loads(self._run(tree, self._all, name, factor, cases)) if cases else {}
             except subprocess.CalledProcessError as error:
                 return f"{_REFUSED}: {error.stderr.strip().splitlines()[-1]}"
-        return {
-            case: [
-                [a - b for a, b in zip(now[:3], was[:3], strict=True)]
-                for now, was in zip(found[case], self.whole[case], strict=True)
-            ]
-            for case in found
-        }
+        figures = {case: [[scene[:3] for scene in each] for each in (found[case], self.whole[case])] for case in found}
+        return {case: np.subtract(*both).tolist() for case, both in figures.items()}
 
     def _run(self, tree: Path, scenes: Path, name: str, factor: float, cases: list[str]) -> str:
         code = (
