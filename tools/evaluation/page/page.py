@@ -1,11 +1,13 @@
 """The page: two pictures, verdict, plots, gallery and all tables in one HTML file that needs no network."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
+from typing import TypeVar
 
+from tools.camera.protocols import Protocol
 from tools.pictures.html import bullets, cell, css_class, data_address, page, row, row_title, table
 from tools.pictures.illustrations import tile_picture
 
@@ -17,6 +19,7 @@ from ..report import (
     KEPT,
     STROKES,
     Table,
+    by_level,
     covered_table,
     kept_table,
     method_table,
@@ -34,6 +37,8 @@ from ..tiles import Tile
 from ..verdict import capital, caveats, claims, heading, headline, losses
 from .gallery import REASONS, WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rendered
 from .plots import noise_plots
+
+T = TypeVar("T")
 
 _HERE = files("tools.evaluation.page")
 _CHOSEN = "The squares shown are those where our lead on the best rival, and its lead on ours, are largest."
@@ -53,7 +58,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections = {
         "Verdict": "".join(_verdict(group, index) for index, group in enumerate(figures.sets)),
         "Noise": _noise_section(figures),
-        "Strokes": strokes_section(figures) if figures.strokes else "",
+        "Strokes": _strokes_section(figures) if figures.strokes else "",
         "Patterns": _pattern_section(figures, of_patterns) if len(study.tiles) > 1 and study.ours else "",
         "Gallery": _gallery_section(others) if others else "",
         "Scenes": _scenes_section(figures, failures),
@@ -131,6 +136,11 @@ def _folded(title: str, content: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
 
 
+def _by_level(title: str, of: Callable[[T, Protocol], Table], figures: T, study: Study) -> str:
+    """Tables for each level, folded; "" where none has rows."""
+    return _folded(title, "".join(map(_table, by_level(of, figures, study.levels))))
+
+
 def _verdict(group: SetFigures, number: int) -> str:
     """The verdict on a set, and a table for each criterion."""
     items = [
@@ -162,27 +172,22 @@ def _verdict(group: SetFigures, number: int) -> str:
 def _noise_section(figures: Figures) -> str:
     plots = "".join(
         f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}"
-        + _folded(KEPT, "".join(_table(kept_table(group, level)) for level in figures.study.levels))
-        + _covered(group)
+        + _by_level(KEPT, kept_table, group, figures.study)
+        + _by_level(COVERED, covered_table, group, figures.study)
         for group in figures.sets
     )
     said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."
     return f"<h2>Quality and noise</h2><p>{said}</p>{plots}"
 
 
-def _covered(group: SetFigures) -> str:
-    """How often errors lie within what pictures state; "" where none states it."""
-    return _folded(COVERED, "".join(_table(covered_table(group, level)) for level in group.study.levels))
-
-
-def strokes_section(figures: Figures) -> str:
+def _strokes_section(figures: Figures) -> str:
     """What each method keeps of the colour of narrow strokes: a table for each level."""
     said = (
         f"{STROKES}, in a drawn scene: the channels minus their mean, render over truth, inside the strokes, {MARGIN} pixels from "
         "their edges. 1 is all of the colour, 0 is grey. Each colour alone is in evaluation.csv and evaluation.json."
     )
-    tables = "".join(_table(stroke_table(figures, level)) for level in figures.study.levels)
-    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{_folded('Every method and width', tables)}"
+    tables = _by_level("Every method and width", stroke_table, figures, figures.study)
+    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{tables}"
 
 
 def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
@@ -192,9 +197,7 @@ def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
         f"{pattern_conditions(figures)} Figures are those of {methods()[study.ours or ''].title}. Worst colour is the chrominance "
         "that nine tenths of the patches reach, hue the share of pixels of wrong hue."
     )
-    tables = "".join(
-        _folded(heading(group), "".join(_table(pattern_table(group, level)) for level in study.levels)) for group in figures.sets
-    )
+    tables = "".join(_by_level(heading(group), pattern_table, group, study) for group in figures.sets)
     shown = f"<h3>{capital(WHY_PATTERNS)}</h3>{_exhibits(exhibits)}" if exhibits else ""
     cards = f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>'
     return f"<h2>Which pattern is best, and when?</h2><p>{escape(said)}</p>{cards}{tables}{shown}"

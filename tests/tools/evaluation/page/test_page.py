@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -50,11 +51,18 @@ def test_no_two_methods_look_alike(tmp_path: Path) -> None:
         assert found == tuple(f"{figure.values[f'{plane}_q{each}']:.1f}" for each in (50, 25, 75))
 
 
+@contextmanager
+def showing(page: Path, profile: Path, *size: int, dark: bool = False) -> Iterator[Browser]:
+    """A browser that has loaded the page."""
+    with Browser(profile, *size, dark=dark) as opened:
+        opened.open(page.as_uri())
+        opened.until("document.readyState === 'complete'")
+        yield opened
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory, written: Path) -> Iterator[Browser]:
-    with Browser(tmp_path_factory.mktemp("profile")) as opened:
-        opened.open(written.as_uri())
-        opened.until("document.readyState === 'complete'")
+    with showing(written, tmp_path_factory.mktemp("profile")) as opened:
         yield opened
 
 
@@ -65,9 +73,7 @@ def test_it_loads_without_errors_and_without_network(browser: Browser, written: 
 
 @pytest.mark.parametrize(("width", "height"), [(1400, 900), (400, 860)])
 def test_a_win_and_a_loss_open_the_page(tmp_path: Path, written: Path, width: int, height: int) -> None:
-    with Browser(tmp_path, width, height) as window:
-        window.open(written.as_uri())
-        window.until("document.readyState === 'complete'")
+    with showing(written, tmp_path, width, height) as window:
         titles = window.evaluate("[...document.querySelectorAll('.opening h2')].map(t => t.innerText.split(':')[0].toLowerCase())")
         gallery = window.evaluate("document.querySelector('#gallery').textContent")
         assert titles == [why for why in (WHY_AHEAD, WHY_BEHIND) if f"{why}; row" in gallery] != []
@@ -92,14 +98,6 @@ def test_all_pictures_decode(browser: Browser) -> None:
     assert narrowest >= 48
 
 
-def place(browser: Browser) -> tuple[float, float, float]:
-    left, top, width, height = browser.evaluate(
-        "(() => { const s = document.querySelector('#gallery img-comparison-slider'); s.scrollIntoView({block: 'center'});"
-        " const r = s.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"
-    )
-    return left, top + height / 2, width
-
-
 def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> None:
     same = "[...document.querySelector('#gallery .exhibit').querySelectorAll('.viewer img')].map(i => i.alt)"
     first, second = browser.evaluate(same)
@@ -111,9 +109,10 @@ def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> 
         "(() => { const s = document.querySelector('#gallery select'); s.value = '1'; s.dispatchEvent(new Event('change')); })()"
     )
     assert browser.evaluate(same) == ["Sparse colour, paper", "truth"]
-    width = place(browser)[2]
+    wide = "document.querySelector('#gallery img-comparison-slider').getBoundingClientRect().width"
+    before = browser.evaluate(wide)
     browser.evaluate("document.querySelector('#gallery .exhibit .zoom button[value=\"1\"]').click()")
-    assert place(browser)[2] > width
+    assert browser.evaluate(wide) > before
 
 
 def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:
@@ -140,9 +139,7 @@ def test_tables_and_lines_are_switched(browser: Browser) -> None:
 
 
 def test_it_fits_a_phone_in_the_dark(tmp_path: Path, written: Path) -> None:
-    with Browser(tmp_path, 360, 740, dark=True) as phone:
-        phone.open(written.as_uri())
-        phone.until("document.readyState === 'complete'")
+    with showing(written, tmp_path, 360, 740, dark=True) as phone:
         assert phone.evaluate("document.documentElement.scrollWidth") == 360
         ink, paper = phone.evaluate("[getComputedStyle(document.body).color, getComputedStyle(document.body).backgroundColor]")
         light = [sum(map(int, each.removeprefix("rgb(").rstrip(")").split(","))) for each in (ink, paper)]
