@@ -33,10 +33,8 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
         mosaic = simulate_additive(truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0))
         sparse = render(mosaic, PAPER).rgb
         for name, picture in (("bilinear", bayer), ("paper", sparse)):
-            places = [
-                cell for cell in figures.results if (cell.scene.name, cell.level, cell.method) == (f"scene{seed}", NOISY, name)
-            ]
-            (found,) = (figures.results[cell] for cell in places)
+            place = f"scene{seed}", NOISY, name
+            (found,) = (each for cell, each in figures.results.items() if (cell.scene.name, cell.level, cell.method) == place)
             assert found.quality == quality(picture, truth)
             assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
