@@ -123,4 +123,6 @@ def test_from_light_to_letters_and_a_page(out: Path) -> None:
 
 
 def test_a_photograph_that_is_not_there_is_named(out: Path) -> None:
-    assert "nowhere.png" in run("design", "-o", out, *BUDGET, "--photographs", "nowhere.png", code=2).err
+    said = run("design", "-o", out, *BUDGET, "--photographs", "nowhere.png", code=2).err
+    assert "nowhere.png" in said
+    assert "no scene could be read" in said

@@ -9,16 +9,8 @@ import pytest
 
 from tests.data import ROOT
 
-NOTEBOOK = ROOT / "tools/notebook/first_steps.ipynb"
-
-
-def cells() -> list[str]:
-    """The code of its cells, with a smaller scene, for the sake of time."""
-    return [
-        "".join(cell["source"]).replace("1800x1200", "480x320")
-        for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
-        if cell["cell_type"] == "code"
-    ]
+NOTEBOOK = json.loads((ROOT / "tools/notebook/first_steps.ipynb").read_text("utf-8"))
+CELLS = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
 
 
 def run(cell: str, names: dict[str, Any]) -> Any:
@@ -32,11 +24,12 @@ def run(cell: str, names: dict[str, Any]) -> Any:
 def test_every_cell_runs_and_shows_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    shown = [type(value).__name__ for value in (run(cell, names) for cell in cells()) if hasattr(value, "_repr_png_")]
+    code = ["".join(cell["source"]).replace("1800x1200", "480x320") for cell in CELLS]  # a smaller scene, for the sake of time
+    shown = [type(value).__name__ for value in (run(each, names) for each in code) if hasattr(value, "_repr_png_")]
     assert shown == ["Shot", "Picture", "Image", "Uncertainty", "Shot", "Picture"]
     assert {path.name for path in tmp_path.iterdir()} == {"leaves.dng", "leaves.tif"}
 
 
 def test_it_is_kept_without_outputs() -> None:
-    code = [cell for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"] if cell["cell_type"] == "code"]
-    assert not any(cell["outputs"] or cell["execution_count"] for cell in code)
+    assert CELLS
+    assert not any(cell["outputs"] or cell["execution_count"] for cell in CELLS)
