@@ -227,7 +227,7 @@ class Trial:
             except subprocess.CalledProcessError as error:
                 return f"{_REFUSED}: {error.stderr.strip().splitlines()[-1]}"
         figures = {case: [[scene[:3] for scene in each] for each in (found[case], self.whole[case])] for case in found}
-        return {case: np.subtract(*both).tolist() for case, both in figures.items()}
+        return {case: np.subtract(changed, whole).tolist() for case, (changed, whole) in figures.items()}
 
     def _run(self, tree: Path, scenes: Path, name: str, factor: float, cases: list[str]) -> str:
         code = (

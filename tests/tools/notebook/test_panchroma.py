@@ -243,6 +243,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),
+        (lambda: panchroma.Picture(GREY, white=0), "`white` is 0"),
         (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
         (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "`overwrite` is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
