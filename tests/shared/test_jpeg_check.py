@@ -34,11 +34,13 @@ def test_a_frame_in_a_thumbnail_does_not_count() -> None:
     assert (header.rows, header.scans, header.exif) == (30, 1, inside[6:])
 
 
-def test_repeated_scans_are_refused() -> None:
+def test_repeated_scans_and_segments_without_end_are_refused() -> None:
     jpeg = encoded(progressive=True)
     last = jpeg.rindex(b"\xff\xda")
     with pytest.raises(InputError, match="scans"):
         read_header(jpeg[:-2] + jpeg[last:-2] * 40 + jpeg[-2:]).check(1500)
+    with pytest.raises(InputError, match="more segments"):
+        read_header(jpeg[:2] + b"\xff\xe2\0\2" * 5000 + jpeg[2:])
 
 
 @pytest.mark.parametrize("jpeg", [b"", b"\xff\xd8", encoded()[:100], b"\xff\xd8" + b"\xff" * 100_000 + b"\0"])

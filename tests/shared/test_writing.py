@@ -106,16 +106,16 @@ def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monke
 
 
 def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"missing.*does not exist; create it first: mkdir -p '?/.*missing"):
-        write_durably(tmp_path / "missing" / "shot.dng", b"")
-    (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(OutputError, match="is not a folder"):
-        write_durably(tmp_path / "file" / "shot.dng", b"")
-    with pytest.raises(OutputError, match="too long"):
-        write_durably(tmp_path / ("x" * 300), b"")
+    (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
-    with pytest.raises(OutputError, match="is a folder"):
-        write_durably(tmp_path / "folder", b"", overwrite=True)
+    for name, words in (
+        ("missing/shot.dng", r"missing.*does not exist; create it first: mkdir -p '?/.*missing"),
+        ("file/shot.dng", "is not a folder"),
+        ("x" * 300, "too long"),
+        ("folder", "is a folder"),
+    ):
+        with pytest.raises(OutputError, match=words):
+            write_durably(tmp_path / name, b"", overwrite=name == "folder")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
 
 
@@ -180,17 +180,11 @@ def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Pat
 def test_no_file_of_ours_is_opened_through_what_is_none(tmp_path: Path, kind: str, mode: str) -> None:
     original, path = tmp_path / "original", tmp_path / "journal"
     original.write_bytes(b"a photograph")
-    match kind:
-        case "link":
-            path.symlink_to(original)
-        case "dangling link":
-            path.symlink_to("new")
-        case "pipe":
-            os.mkfifo(path)
-        case "device":
-            path.symlink_to("/dev/zero")
-        case "folder":
-            path.mkdir()
+    links = {"link": "original", "dangling link": "new", "device": "/dev/zero"}
+    if kind in links:
+        path.symlink_to(links[kind])
+    else:
+        (os.mkfifo if kind == "pipe" else os.mkdir)(path)
     with pytest.raises(OSError, match=r"journal is no file of Panchroma .*; remove it"):
         own_file(path, mode)
     assert original.read_bytes() == b"a photograph"
