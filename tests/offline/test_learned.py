@@ -17,6 +17,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.networks import NETWORKS, load_network, network_for
 from shared.pattern import BAYER_ORDERS
+from shared.runtime import onnxruntime
 from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
@@ -284,3 +285,17 @@ def test_codes_at_the_limit_stay_finite() -> None:
     codes = np.full((60, 60), 4095, np.uint16)
     codes[20:40, 20:40] = 300
     assert np.isfinite(render(Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))).rgb).all()
+
+
+@pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
+def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
+    """The file says so by pairs of roundings, which onnxruntime has to recognise: four blocks of two, of the transpose of RGGB too.
+
+    There the first convolution rounds as well. The last one never does.
+    """
+    onnx, options = pytest.importorskip("onnx"), onnxruntime.SessionOptions()
+    options.optimized_model_filepath = str(tmp_path / path.name)
+    options.log_severity_level = 3  # such a file is for this processor alone
+    onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    kinds = [node.op_type for node in onnx.load(tmp_path / path.name).graph.node]
+    assert (kinds.count("QLinearConv"), kinds.count("Conv")) == ((18, 2) if path.stem.startswith("rggb") else (8, 2))

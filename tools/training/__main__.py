@@ -29,14 +29,20 @@ def main() -> int:
     parser.add_argument(
         "--start", metavar="TILE", help="begin with the weights of the network for this pattern (default: random ones)"
     )
-    parser.add_argument("--steps", type=int, default=_STEPS, metavar="N", help=f"of gradient descent (default: {_STEPS})")
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=_STEPS,
+        metavar="N",
+        help=f"of gradient descent; 0 = round the weights of --start again (default: {_STEPS})",
+    )
     parser.add_argument("--variants", type=int, default=4, metavar="N", help="examples made of each photograph (default: 4)")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="processes and threads (default: one per core)")
     arguments = parser.parse_args()
-    for name in ("steps", "variants"):
-        if getattr(arguments, name) < 1:
-            parser.error(f"--{name} is {getattr(arguments, name)}, expected 1 or more")
+    for name, least in ("steps", 0 if arguments.start else 1), ("variants", 1):
+        if getattr(arguments, name) < least:
+            parser.error(f"--{name} is {getattr(arguments, name)}, expected {least} or more")
     patterns = [_pattern(letters, parser.error) for letters in arguments.pattern]
     start = _pattern(arguments.start, parser.error) if arguments.start else None
     if find_spec("torch") is None:

@@ -5,7 +5,8 @@ units of brightness instead learns nothing, or harms flat places. The correction
 most of what noise explains: where a place has one colour, grey or another, nothing is corrected.
 """
 
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from torch import nn
 from torch.nn import functional
 
 from offline.kernels.cells import GATE, SURROUNDINGS
+from shared.arrays import FloatArray
 
 CHANNELS, BLOCKS = 80, 4
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
@@ -30,6 +32,7 @@ HUE, DARK = 0.06, 0.002
 
 
 _RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
+_SAMPLED = 7  # one value in so many shows how they are spread: a prime number, to meet every channel
 
 
 class Network(nn.Module):  # type: ignore[misc]
@@ -52,9 +55,15 @@ class Network(nn.Module):  # type: ignore[misc]
     def forward(self, inputs: Any) -> Any:
         """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in units of the bound."""
         found = self.enter(inputs)
-        for wide, deep in zip(self.wide, self.deep, strict=True):
-            found = found[..., 1:-1, 1:-1] + deep(functional.relu(wide(functional.relu(found))))
+        for block in range(len(self.wide)):
+            found = inner(found) + self.inside(block, found)[-1]
         return self.leave(functional.relu(found))
+
+    def inside(self, block: int, found: Any) -> tuple[Any, Any, Any]:
+        """What comes into the 3 x 3 convolution of a block, what comes into the 1 x 1 one, and what the block adds."""
+        lit = functional.relu(found)
+        deep = functional.relu(self.wide[block](lit))
+        return lit, deep, self.deep[block](deep)
 
 
 def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
@@ -82,6 +91,33 @@ def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, A
     levels = torch.log2(1 + torch.sqrt(variance) / scale), 0.3 * torch.log2(1 + positive / scale)
     inputs = torch.cat([plain / scale, odd / scale, error / scale, *tints, *levels, bound / scale], 1)
     return inputs.clamp(-RANGE, RANGE), bound
+
+
+def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float]:
+    """The steps in which values inside a network can be rounded to 8 bits with the least squared error.
+
+    By name: "features", what goes in; "found", what comes of the first convolution; "wide.N" and "deep.N", what comes into a
+    convolution of block N; "added.N", what the block adds.
+    batches: pictures, as for `losses`.
+    """
+    seen: dict[str, list[FloatArray]] = defaultdict(list)
+    with torch.no_grad():
+        for picture, _, error, variance in batches:
+            values = {"features": features(*cells_of(picture, network.period), error, variance)[0]}
+            found = values["found"] = network.enter(values["features"])
+            for block in range(len(network.wide)):
+                parts = network.inside(block, found)
+                values |= zip((f"wide.{block}", f"deep.{block}", f"added.{block}"), parts, strict=True)
+                found = inner(found) + parts[-1]
+            for name, each in values.items():
+                seen[name].append(each.abs().flatten()[::_SAMPLED].numpy())
+    return {name: _unit(np.concatenate(each), 255 if name.startswith(("wide", "deep")) else 127) for name, each in seen.items()}
+
+
+def _unit(values: FloatArray, most: int) -> float:
+    """The step with the least squared error if positive values become 0 to `most` of it, and larger ones are cut."""
+    steps = values.max() / most * np.linspace(0.2, 1, 33)
+    return float(min(steps, key=lambda step: np.square(np.minimum(np.rint(values / step), most) * step - values).sum()))
 
 
 def optimiser_of(network: nn.Module) -> Any:

@@ -21,19 +21,21 @@ from offline.kernels.cells import SURROUNDINGS
 from offline.version import ALGORITHM
 from shared.arrays import FloatArray, IndexArray
 from shared.errors import InputError
-from shared.networks import Block, network_file, network_for
+from shared.networks import Block, load_network, network_file, network_for
 from shared.pattern import PANCHROMATIC, CfaPattern
 from shared.progress import Progress
 from shared.writing import durable_file
 
 from .examples import DRAWN, Example, kept_back, load_example, make_example, save_example
 from .graph import load_weights, save_graph
-from .network import HALO, Network, descent, losses, optimiser_of
+from .network import HALO, Network, descent, losses, optimiser_of, units
 
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
+_TRAINING = "panchroma.training"  # the metadata of a file that say how its weights were learned
 _JUDGED = 12  # batches of the sources kept back
+_MEASURED = 64  # examples that show how large the values in a network are
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Plan:
 
     sources: files of photographs.
     pattern: of the blocks, wherever they begin. It is square; the network serves its mirror images too.
-    steps: of gradient descent. batch: examples in each.
+    steps: of gradient descent; 0 = keep the weights of `start`, and measure `network.units` alone. batch: examples in each.
     variants: examples made of each source; a drawing is added for every four photographs.
     patch: cells per side of what is learned from at a time, without surroundings.
     seed: of everything random.
@@ -97,9 +99,28 @@ def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable
     begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
+    shown = [_read(path, progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
+    steps = units(network, (_batch(shown, plan, (plan.seed, 2, number), "cpu") for number in range(_JUDGED)))
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    save_graph(weights, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
+    facts = json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]}) if history else _facts(plan.start)
+    save_graph(weights, steps, path, {_TRAINING: facts}, turned(plan))
     return path
+
+
+def turned(plan: Plan) -> tuple[IndexArray, IndexArray] | None:
+    """Where inputs and outputs of a network are when the picture is transposed; None if its block is another one then."""
+    if not plan.transposed:
+        return None
+    pixels = np.arange(plan.pattern.period**2).reshape(plan.pattern.period, -1)
+    planes = [(place * pixels.size + pixels.T).ravel() for place in range(3)]
+    sites = np.array([*plan.transposed, *range(len(plan.transposed), len(plan.transposed) + SURROUNDINGS)])
+    return np.concatenate([*planes, 3 * pixels.size + sites]), np.concatenate(planes[:2])
+
+
+def _facts(pattern: CfaPattern | None) -> str:
+    """How the network for this pattern was trained."""
+    path = network_for(pattern) if pattern else None
+    return load_network(path).get_modelmeta().custom_metadata_map[_TRAINING] if path else ""
 
 
 def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tuple[list[Path], list[Path]]:
