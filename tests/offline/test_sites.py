@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from offline.cleaned import unclipped_blocks
+from offline.kernels.pieces import BLOCK_ROWS
 from offline.parts import Part
 from offline.rows.correction import Missed, correct_sites
 from offline.settings import BEST, ChromaticitySettings, Switch
@@ -90,6 +92,22 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
     assert settle_luminance(light, blocks, measured, np.array(gamma, np.float32), Switch()) is light
+
+
+def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet() -> None:
+    test_settled_luminance_equals_the_reference(CfaPattern.bayer(3), (3 * 2 * BLOCK_ROWS + 20, 12), None)
+
+
+@every_case
+def test_a_block_is_unclipped_with_all_that_is_next_to_it(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic, (height, width), grid = shot(pattern, shape, None), pattern.block_shape, pattern.grid(shape)
+    frame = cleaned(mosaic, float(np.quantile(mosaic.signal, 0.97)))
+    around = [
+        [np.s_[max(row - 1, 0) : row + height + 1, max(column - 1, 0) : column + width + 1] for column in grid.whole_columns]
+        for row in grid.whole_rows
+    ]
+    expected = [[(mosaic.signal[each] < frame.clipping).all() for each in row] for row in around]
+    assert np.array_equal(unclipped_blocks(frame), expected)
 
 
 def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, SolverLog, render
+from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
+from offline.burst.render import MergedLuminance, denoised
+from offline.burst.samples import relit_sites
+from offline.cleaned import Cleaned
 from offline.kernels.spreading import TOLERANCE
+from offline.whole.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
@@ -200,3 +205,33 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("offline.burst.samples.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
+
+
+def test_luminance_is_denoised_by_what_merging_has_left_and_where_one_frame_is_alone_by_all_of_it() -> None:
+    (frame,) = shots(0.02, MOTIONS[:1])
+    noisy = frame.signal.copy()
+    shares = np.full(frame.shape, 0.25, np.float32)
+    shares[:, :100] = 1.0
+    merged = MergedLuminance(noisy, shares, np.zeros(0, np.float32), np.zeros(0, np.float32), None)
+    found, half = denoised(merged, frame, BEST), NoiseModel.gaussian(0.01, 4)
+    expected = (
+        denoise_luminance(noisy, each, BEST.denoising)
+        for each in (frame, replace(frame, calibration=replace(frame.calibration, noise=half)))
+    )
+    for side, picture in zip((np.s_[:, :100], np.s_[:, 100:]), expected, strict=True):
+        assert np.abs(found[side] - picture[side]).max() < 1e-6
+
+
+def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:
+    (frame,) = shots(0.0, MOTIONS[:1])
+    coloured = ~frame.pattern.panchromatic_mask(frame.shape)
+    clipping = float(np.sort(frame.signal[coloured])[-200])
+    clipped = replace(frame, samples=np.minimum(frame.signal, np.float32(clipping)))
+    luminance, first = np.full(frame.shape, 2.0, np.float32), Cleaned(clipped, clipping)
+    shape = (*first.sites.shape, 3)
+    seen = relit_sites(first, luminance, BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])).signal
+    changed = seen != clipped.signal
+    assert changed.any()
+    assert np.array_equal(changed[coloured], (clipped.signal >= clipping)[coloured])
+    assert not changed[~coloured].any()
+    assert {*np.round(seen[changed].astype(float), 5).tolist()} <= {1.8, 1.2, 0.6}
