@@ -65,9 +65,11 @@ def spread(
     return found, chromaticity
 
 
-@pytest.mark.parametrize("channels", [2, 3, 5])
-def test_equals_a_direct_solution(channels: int) -> None:
-    shape, count = (18, 22), 150
+@pytest.mark.parametrize(
+    ("channels", "shape", "count"),
+    [(2, (18, 22), 150), (3, (18, 22), 150), (5, (18, 22), 150), (2, (TILE + 8, 9), 250), (2, (9, TILE + 8), 250)],
+)
+def test_equals_a_direct_solution(channels: int, shape: tuple[int, int], count: int) -> None:
     found, before = spread(shape, channels, count)
     luminance, _, gamma = picture(shape, channels)
     expected = reference.spread(luminance, before, samples(shape, channels, count), gamma, basis(channels), PRIOR)
