@@ -120,12 +120,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints
                     weight = _wiener(block, size, model)
                 else:
                     weight = _hard(block, size, model)
-                # Lanes beyond the last block get no weight.
-                last = area[3] - size
-                if column + _STEP * (WIDTH - 1) > last:
-                    for lane in range(WIDTH):
-                        block[1, 0, lane] = _ONE if column + _STEP * lane <= last else _NONE
-                    weight = weight * load(block, (1, 0, 0))
+                # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at the end of the area.
                 _back(block[0], column, size, transform, weight, backward)
                 for i in range(size):
                     place = _place(column + i, half)
