@@ -10,7 +10,7 @@ unlearned        the same without its network
 burst            all frames, aligned and merged
 pixel shift      nine frames 2 pixels apart, whose motion is known
 bayer            the best Bayer rival of one frame: DLMMSE, with noise BM3D before it
-bayer burst      the same frames through a Bayer sensor, merged by the same alignment (tools/evaluation/rivals/burst.py)
+bayer burst      the same frames through a Bayer sensor, merged by the same alignment (tests/benchmarks/bayer_burst.py)
 
 Also how far the motion that was found is from the true one (median of all pixels of all frames), how many frames were used, and the
 time of a burst, compared with that of one render on the same machine. The scenes are those test photographs (PANCHROMA_TEST_DATA)
