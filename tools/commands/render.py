@@ -31,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
     expected = "a part and their number, such as 3/8; parts are counted from 1"
-    shard = value(
-        lambda text: tuple(map(int, text.split("/"))), expected, lambda found: len(found) == 2 and 1 <= found[0] <= found[1]
-    )
+    shard = value(_shard, expected, lambda found: 1 <= found[0] <= found[1])
     option(group, "--shard I/N", "render only part I of N, counted from 1 (default: all)", type=shard, default=(1, 1))
     add(group, "workers", things="processes", usual="1, or for many shots what cores and memory allow")
     add(group, "scheduler", "scheduler-file")
