@@ -37,10 +37,11 @@ def main() -> int:
         help=f"of gradient descent; 0 = round the weights of --start again (default: {_STEPS})",
     )
     parser.add_argument("--variants", type=int, default=4, metavar="N", help="examples made of each photograph (default: 4)")
+    parser.add_argument("--batch", type=int, default=16, metavar="N", help="pieces of pictures in a step (default: 16)")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="processes and threads (default: one per core)")
     arguments = parser.parse_args()
-    for name, least in ("steps", 0 if arguments.start else 1), ("variants", 1):
+    for name, least in ("steps", 0 if arguments.start else 1), ("variants", 1), ("batch", 1):
         if getattr(arguments, name) < least:
             parser.error(f"--{name} is {getattr(arguments, name)}, expected {least} or more")
     patterns = [_pattern(letters, parser.error) for letters in arguments.pattern]
@@ -59,7 +60,15 @@ def main() -> int:
         with orderly_end():
             output = output_folder(arguments.output)
             for pattern in patterns:
-                plan = Plan(sources, pattern, arguments.steps, variants=arguments.variants, seed=arguments.seed, start=start)
+                plan = Plan(
+                    sources,
+                    pattern,
+                    arguments.steps,
+                    batch=arguments.batch,
+                    variants=arguments.variants,
+                    seed=arguments.seed,
+                    start=start,
+                )
                 with console.progress(pattern.name or "/".join(pattern.tile)) as progress:
                     path = train(plan, output, arguments.jobs or processors(), progress, progress.remark)
                 console.say(str(path))

@@ -17,7 +17,7 @@ from torch.nn import functional
 from offline.kernels.cells import GATE, SURROUNDINGS
 from shared.arrays import FloatArray
 
-CHANNELS, BLOCKS = 80, 4
+CHANNELS, BLOCKS = 128, 4
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
 HALO = BLOCKS + 3
 """Cells around a result that it depends on: two for activity, and one for each 3 x 3 convolution."""
@@ -32,6 +32,7 @@ HUE, DARK = 0.06, 0.002
 
 
 _RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
+_FAINT = 1e-5  # error, scene units squared, that hardly counts: 50 dB
 _SAMPLED = 7  # one value in so many shows how they are spread: a prime number, to meet every channel
 
 
@@ -158,7 +159,7 @@ def inner(planes: Any, width: int = 1) -> Any:
 
 
 def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
-    """What is left of the error of colour, and what there was; three measures of each, (3,).
+    """What is left of the error of colour, and what there was; three measures of each in each piece of the batch, (3, N).
 
     The measures: the robust mean in units of activity; the energy; and the share of pixels with a wrong hue.
     batch: picture, truth, error, variance, as in `examples.Example`.
@@ -176,8 +177,19 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
     return _measures(left, unit, seen), _measures(missing, unit, seen)
 
 
+def share_left(left: Any, before: Any) -> Any:
+    """The share of each measure that is left, (3,), for gradient descent.
+
+    That of energy is the mean of the shares of pieces: a photograph counts whatever its brightness, as in a mean of PSNR.
+    left, before: from `losses`.
+    """
+    shares = left.mean(dim=1) / before.mean(dim=1).clamp_min(1e-7)
+    return torch.stack([shares[0], (left[1] / (before[1] + _FAINT)).mean(), shares[2]])
+
+
 def _measures(error: Any, unit: Any, seen: Any) -> Any:
-    robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4).mean()
+    robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4)
     pixels = error.shape[1] // 2
     apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / seen**2
-    return torch.stack([robust, (error**2).mean(), (apart**2 / (1 + apart**2)).mean()])
+    parts = robust, error**2, apart**2 / (1 + apart**2)
+    return torch.stack([part.flatten(1).mean(dim=1) for part in parts])

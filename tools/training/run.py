@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from scipy.linalg import block_diag
 
 from offline.kernels.cells import SURROUNDINGS
 from offline.version import ALGORITHM
@@ -26,9 +27,9 @@ from shared.pattern import PANCHROMATIC, CfaPattern
 from shared.progress import Progress
 from shared.writing import durable_file
 
-from .examples import DRAWN, Example, kept_back, load_example, make_example, save_example
-from .graph import load_weights, save_graph
-from .network import HALO, Network, descent, losses, optimiser_of, units
+from .examples import DRAWN, kept_back, load_example, make_example, save_example
+from .graph import Turn, load_weights, save_graph
+from .network import BASIS, CHANNELS, HALO, Network, descent, losses, optimiser_of, share_left, units
 
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
@@ -76,6 +77,13 @@ class Plan:
         return numbers.T[numbers >= 0].tolist() if np.array_equal(letters, letters.T) else []
 
     @property
+    def exchanged(self) -> bool:
+        """Whether a cell is the same after half a turn and with red and blue in exchange; its sites are then in reverse order."""
+        letters, period = Block.of(self.pattern).letters, self.pattern.period
+        turned = tuple(row[::-1].translate(str.maketrans("RB", "BR")) for row in letters[::-1])
+        return letters == turned and (period - len(letters)) % 2 == 0
+
+    @property
     def digest(self) -> str:
         """A digest of the plan and the version of the render: trainings with the same digest give the same weights."""
         facts = {**asdict(self), "sources": [Path(source).name for source in self.sources], "algorithm": ALGORITHM}
@@ -99,22 +107,30 @@ def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable
     begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
-    shown = [_read(path, progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
-    steps = units(network, (_batch(shown, plan, (plan.seed, 2, number), "cpu") for number in range(_JUDGED)))
+    shown = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
+    steps = units(network, (_batch(shown, plan, (plan.seed, 2, number)) for number in range(_JUDGED)))
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
     facts = json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]}) if history else _facts(plan.start)
-    save_graph(weights, steps, path, {_TRAINING: facts}, turned(plan))
+    save_graph(weights, steps, path, {_TRAINING: facts}, turn_of(plan))
     return path
 
 
-def turned(plan: Plan) -> tuple[IndexArray, IndexArray] | None:
-    """Where inputs and outputs of a network are when the picture is transposed; None if its block is another one then."""
-    if not plan.transposed:
+def turn_of(plan: Plan) -> Turn | None:
+    """The orientation of the second look of a network for this pattern: of those in which its cells are the same, the farthest."""
+    if not (plan.transposed or plan.exchanged):
         return None
-    pixels = np.arange(plan.pattern.period**2).reshape(plan.pattern.period, -1)
-    planes = [(place * pixels.size + pixels.T).ravel() for place in range(3)]
-    sites = np.array([*plan.transposed, *range(len(plan.transposed), len(plan.transposed) + SURROUNDINGS)])
-    return np.concatenate([*planes, 3 * pixels.size + sites]), np.concatenate(planes[:2])
+    period, sites = plan.pattern.period, len(plan.pattern.sites)
+    pixels, order = np.arange(period**2).reshape(period, period), plan.transposed or list(range(sites))
+    colour: FloatArray = np.eye(len(BASIS), dtype=np.float32)
+    if plan.transposed:
+        pixels = pixels.T
+    if plan.exchanged:
+        pixels, order, colour = pixels[::-1, ::-1], order[::-1], BASIS[:, ::-1] @ BASIS.T
+    places = np.eye(period**2, dtype=np.float32)[pixels.ravel()]
+    outputs = np.kron(colour, places)
+    rest = np.eye(SURROUNDINGS - len(BASIS), dtype=np.float32)
+    inputs = block_diag(places, outputs, np.eye(sites, dtype=np.float32)[order], colour, rest)
+    return Turn(inputs, outputs, bool(plan.transposed), plan.exchanged)
 
 
 def _facts(pattern: CfaPattern | None) -> str:
@@ -156,9 +172,9 @@ def _descend(
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
-    network = Network(plan.pattern.period, len(plan.pattern.sites))
-    if plan.start:
-        given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()}
+    given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()} if plan.start else {}
+    network = Network(plan.pattern.period, len(plan.pattern.sites), len(given["enter.bias"]) if given else CHANNELS)
+    if given:
         network.load_state_dict(given)
     network = network.to(device=device, memory_format=torch.channels_last)
     optimiser = optimiser_of(network)
@@ -172,14 +188,15 @@ def _descend(
     if done == plan.steps:
         return network.to("cpu"), history
     progress.stage("reading", len(learned) + len(kept_back))
-    examples, judges = ([_read(path, progress) for path in paths] for paths in (learned, kept_back))
-    judged = [_batch(judges, plan, (plan.seed, 1, number), device) for number in range(_JUDGED)]
+    examples, judges = ([_read(path, device, progress) for path in paths] for paths in (learned, kept_back))
+    judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(done)
     for step in descent(optimiser, done, plan.steps, 0.5 if plan.start else 1.0):
+        batch = _batch(examples, plan, (plan.seed, 0, step))
         with torch.autocast(device, dtype=torch.bfloat16):
-            left, before = losses(network, _batch(examples, plan, (plan.seed, 0, step), device))
-        loss = (left / before.clamp_min(1e-7) * torch.tensor(_WEIGHTS, device=device)).sum()
+            left, before = losses(network, batch)
+        loss = (share_left(left, before) * torch.tensor(_WEIGHTS, device=device)).sum()
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
@@ -217,37 +234,42 @@ def _site_numbers(pattern: CfaPattern) -> IndexArray:
     return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
-def _read(path: Path, progress: Progress) -> Example:
+def _read(path: Path, device: str, progress: Progress) -> list[Any]:
+    """The arrays of an example, in their order, as tensors."""
     try:
         example = load_example(path)
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: is damaged ({error}); remove it, and start again") from error
     progress.advance()
-    return example
+    return [torch.from_numpy(values).to(device) for values in vars(example).values()]
 
 
 def _judge(network: Network, batches: Sequence[list[Any]]) -> dict[str, float]:
     """The share that is left of each measure in `losses`."""
     with torch.no_grad():
-        left, before = torch.stack([torch.stack(losses(network, batch)) for batch in batches]).sum(dim=0).cpu().numpy()
+        measures = torch.stack([torch.stack(losses(network, batch)) for batch in batches])
+    left, before = measures.sum(dim=(0, 3)).cpu().numpy()
     return dict(zip(("robust", "energy", "hue"), (left / before).tolist(), strict=True))
 
 
-def _batch(examples: list[Example], plan: Plan, seed: tuple[int, ...], device: str) -> list[Any]:
+def _batch(examples: Sequence[list[Any]], plan: Plan, seed: tuple[int, ...]) -> list[Any]:
     """Pieces of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
-    random, side, period, transposed = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period, plan.transposed
-    large = [example for example in examples if min(example.error.shape[1:]) >= side]
+    random, side, period = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period
+    transposed, exchanged = plan.transposed, plan.exchanged
+    large = [example for example in examples if min(example[-1].shape[1:]) >= side]
     if not large:
         raise InputError(f"the pictures are too small to learn from: {side * period} pixels a side are needed")
     pieces: list[list[Any]] = []
     for _ in range(plan.batch):
-        example = large[random.integers(len(large))]
-        first = [int(random.integers(size - side + 1)) for size in example.error.shape[1:]]
+        picture, truth, error, variance = large[random.integers(len(large))]
+        first = [int(random.integers(size - side + 1)) for size in variance.shape[1:]]
         cells = tuple(slice(start, start + side) for start in first)
         pixels = tuple(slice(start * period, (start + side) * period) for start in first)
-        piece = [example.picture[:, *pixels], example.truth[:, *pixels], example.error[:, *cells], example.variance[:, *cells]]
+        piece = [picture[:, *pixels], truth[:, *pixels], error[:, *cells], variance[:, *cells]]
         if random.random() < 0.5 and transposed:
-            piece = [plane.transpose(0, 2, 1) for plane in piece]
-            piece[2] = piece[2][transposed]
+            piece = [plane.transpose(1, 2) for plane in piece]
+            piece[2] = torch.stack([piece[2][site] for site in transposed])
+        if random.random() < 0.5 and exchanged:
+            piece = [plane.flip(0, 1, 2) for plane in piece]
         pieces.append(piece)
-    return [torch.from_numpy(np.stack(planes).astype(np.float32)).to(device) for planes in zip(*pieces, strict=True)]
+    return [torch.stack(planes).float() for planes in zip(*pieces, strict=True)]

@@ -16,7 +16,7 @@ from offline.whole.filling import SIDE
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.networks import load_network, network_for
+from shared.networks import Block, load_network, network_for
 from shared.progress import SILENT
 from shared.runtime import session
 from tests.data import ROOT
@@ -29,7 +29,7 @@ from tools.training import run  # noqa: E402
 from tools.training.examples import DRAWN  # noqa: E402
 from tools.training.graph import load_weights, save_graph  # noqa: E402
 from tools.training.luminance import examples, learn, save  # noqa: E402
-from tools.training.network import BLOCKS, Network, cells_of, features, units  # noqa: E402
+from tools.training.network import BASIS, BLOCKS, Network, cells_of, features, units  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -94,6 +94,30 @@ def test_a_block_that_is_its_own_transpose_is_learned_from_twice(photographs: tu
         assert run.Plan(photographs, CfaPattern.with_block(block, 4), 1).transposed == order
 
 
+def test_a_cell_that_is_the_same_with_red_and_blue_in_exchange_is_learned_from_twice() -> None:
+    for tile, same in (("K=6", True), ("K=5", False), ("kodak", True), ("RGWW/BWWW/WWWW/WWWW", False)):
+        assert run.Plan((), CfaPattern.of_letters(tile), 1).exchanged == same
+
+
+@pytest.mark.parametrize("tile", ["K=6", "K=5", "kodak", "RGWW/BWWW/WWWW/WWWW"])
+def test_what_is_learned_from_is_turned_as_a_whole(tile: str) -> None:
+    """If the error of each site is its own colour, it is still so in every piece."""
+    plan = run.Plan((), CfaPattern.of_letters(tile), 1, batch=12, patch=4)
+    letters, period = Block.of(plan.pattern).letters, plan.pattern.period
+    margin = (period - len(letters)) // 2
+    sites = [
+        ("RGB".index(each), margin + y, margin + x) for y, row in enumerate(letters) for x, each in enumerate(row) if each != "W"
+    ]
+
+    def own(picture: Any) -> Any:
+        return torch.stack([picture[..., channel, row::period, column::period] for channel, row, column in sites], -3)
+
+    picture = torch.rand(3, 20 * period, 22 * period, generator=torch.Generator().manual_seed(1))
+    found, _, error, _ = run._batch([[picture, picture, own(picture), torch.ones(1, 20, 22)]], plan, (1,))
+    assert torch.equal(error, own(found))
+    assert len({tuple((each[:, 0, 0] > 0.5).tolist()) for each in found}) > 1
+
+
 def test_training_begins_with_the_weights_for_the_same_places() -> None:
     """Beside a block of two, a cell of five has one pixel before it, a cell of six has two."""
     six, five = CfaPattern.bayer(6), CfaPattern.bayer(5)
@@ -111,59 +135,62 @@ def test_training_begins_with_the_weights_for_the_same_places() -> None:
         run.weights_for(six, CfaPattern.bayer(3))
 
 
-def random_network(period: int) -> Network:
+def random_network(period: int, sites: int) -> Network:
     torch.manual_seed(1)
-    network = Network(period, 4)
+    network = Network(period, sites)
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.03)
     return network
 
 
-def seen() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def seen(period: int = 4, sites: int = 4) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Luminance (h, w), chromaticity, and error and variance at the sites, by cells; contrast drowns in the noise on the right."""
     random, (down, across) = np.random.default_rng(0), (24, 21)
-    light = random.uniform(0.1, 1, (down * 4, across * 4)).astype(np.float32)
+    light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
     colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
-    error = random.normal(0, 0.05, (4, down, across)).astype(np.float32)
+    error = random.normal(0, 0.05, (sites, down, across)).astype(np.float32)
     return light, colour, error, np.broadcast_to(np.linspace(0, 0.04, across, dtype=np.float32), (down, across)).copy()
 
 
-def batch() -> list[Any]:
+def batch(period: int = 4, sites: int = 4) -> list[Any]:
     """The same as a batch of one picture without truth."""
-    light, colour, error, variance = seen()
+    light, colour, error, variance = seen(period, sites)
     picture = torch.from_numpy(np.ascontiguousarray((colour * light[..., None]).transpose(2, 0, 1)[None]))
     return [picture, None, torch.from_numpy(error[None]), torch.from_numpy(variance[None, None])]
 
 
-def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
+@pytest.mark.parametrize("tile", ["K=4", "K=5", "kodak", "RGWW/BWWW/WWWW/WWWW"])
+def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> None:
     """Rounded to 8 bits, it is off by 1 to 2 %.
 
-    Where a block is its own transpose, the file answers by the mean of what the network finds in a picture and its transpose.
+    Where a cell is the same in another orientation, the file answers by the mean of what the network finds in both: transposed,
+    or after half a turn with red and blue in exchange, or after both.
     """
-    network, path = random_network(4), tmp_path / "rggb-k4.onnx"
+    plan = run.Plan((), CfaPattern.of_letters(tile), 1)
+    sites, period = len(plan.pattern.sites), plan.pattern.period
+    network, path, (picture, _, error, variance) = random_network(period, sites), tmp_path / "one.onnx", batch(period, sites)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    picture, _, error, variance = batch()
-    inputs, _ = features(*cells_of(picture, 4), error, variance)
-    across, _ = features(*cells_of(picture.mT, 4), error.mT[:, [0, 2, 1, 3]], variance.mT)
+    inputs, _ = features(*cells_of(picture, period), error, variance)
+    exchange = torch.tensor(BASIS[:, ::-1] @ BASIS.T)
+    if plan.transposed:
+        picture, error, variance = picture.mT, error.mT[:, plan.transposed], variance.mT
+    if plan.exchanged:
+        picture, error, variance = (each.flip(1, 2, 3) for each in (picture, error, variance))
     with torch.no_grad():
-        alone, mirrored = network(inputs), cells_of_transposed(network(across), 4)
-    places = run.turned(run.Plan((), CfaPattern.bayer(4), 1))
-    for turned, expected in ((None, alone), (places, (alone + mirrored) / 2)):
-        save_graph(weights, units(network, [batch()]), path, {"fact": "one"}, turned)
-        load_network.cache_clear()
-        (found,) = load_network(path).run(None, {"features": inputs.numpy()})
-        assert found.shape == expected.shape
-        assert np.linalg.norm(found - expected.numpy()) < 0.025 * np.linalg.norm(expected.numpy())
-        assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
-        kept = load_weights(path)
-        assert kept.keys() == weights.keys()
-        assert all(np.abs(kept[name] - weights[name]).max() < 1e-3 for name in weights if name != "enter.weight")
-
-
-def cells_of_transposed(correction: Any, period: int) -> Any:
-    """A correction of a transposed picture, (1, 2 K^2, w, h), as that of the picture itself."""
-    planes = torch.nn.functional.pixel_shuffle(correction, period).mT
-    return torch.nn.functional.pixel_unshuffle(planes, period)
+        alone, turned = network(inputs), network(features(*cells_of(picture, period), error, variance)[0])
+    planes = torch.nn.functional.pixel_shuffle(turned, period)
+    if plan.exchanged:
+        planes = torch.einsum("nchw,ck->nkhw", planes.flip(2, 3), exchange)
+    planes = torch.nn.functional.pixel_unshuffle(planes.mT if plan.transposed else planes, period)
+    expected = ((alone + planes) / 2 if plan.transposed or plan.exchanged else alone).numpy()
+    save_graph(weights, units(network, [batch(period, sites)]), path, {"fact": "one"}, run.turn_of(plan))
+    (found,) = load_network(path).run(None, {"features": inputs.numpy()})
+    assert found.shape == expected.shape
+    assert np.linalg.norm(found - expected) < 0.025 * np.linalg.norm(expected)
+    assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
+    kept = load_weights(path)
+    assert kept.keys() == weights.keys()
+    assert all(np.abs(kept[name] - weights[name]).max() < 1e-3 for name in weights if name != "enter.weight")
 
 
 def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
