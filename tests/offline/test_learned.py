@@ -81,7 +81,7 @@ def test_there_is_a_network_for_kodaks_tile_and_its_mirror_images() -> None:
 
 
 def test_all_networks_together_are_small() -> None:
-    assert sum(path.stat().st_size for path in NETWORKS.glob("*.onnx")) < 4.5 * 2**20
+    assert sum(path.stat().st_size for path in NETWORKS.glob("*.onnx")) < 10 * 2**20
 
 
 def test_a_pattern_without_a_network_is_rendered_without() -> None:
@@ -289,13 +289,13 @@ def test_codes_at_the_limit_stay_finite() -> None:
 
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
 def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
-    """The file says so by pairs of roundings, which onnxruntime has to recognise: four blocks of two, of the transpose of RGGB too.
+    """The file says so by pairs of roundings, which onnxruntime has to recognise: four blocks of two, twice if it looks twice.
 
-    There the first convolution rounds as well. The last one never does.
+    Then the first convolution rounds as well. The last one never does. Three sites look the same in one orientation only.
     """
     onnx, options = pytest.importorskip("onnx"), onnxruntime.SessionOptions()
     options.optimized_model_filepath = str(tmp_path / path.name)
     options.log_severity_level = 3  # such a file is for this processor alone
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     kinds = [node.op_type for node in onnx.load(tmp_path / path.name).graph.node]
-    assert (kinds.count("QLinearConv"), kinds.count("Conv")) == ((18, 2) if path.stem.startswith("rggb") else (8, 2))
+    assert (kinds.count("QLinearConv"), kinds.count("Conv")) == ((8, 2) if path.stem.startswith("rgbw") else (18, 2))
