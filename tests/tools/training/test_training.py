@@ -149,7 +149,7 @@ def seen(period: int = 4, sites: int = 4) -> tuple[FloatArray, FloatArray, Float
     light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
     colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
     error = random.normal(0, 0.05, (sites, down, across)).astype(np.float32)
-    return light, colour, error, np.broadcast_to(np.linspace(0, 0.04, across, dtype=np.float32), (down, across)).copy()
+    return light, colour, error, np.broadcast_to(np.linspace(0, 0.4, across, dtype=np.float32), (down, across)).copy()
 
 
 def batch(period: int = 4, sites: int = 4) -> list[Any]:
