@@ -1,8 +1,8 @@
 """The network, in PyTorch: residual convolutions on the grid of cells, with inputs and output in units of local activity.
 
 Activity is the contrast of luminance and colour around a cell, with what the render misses at the sites. A network that works in
-units of brightness instead learns nothing, or harms flat places. The correction is bounded by the contrast of colour alone beyond
-most of what noise explains: where a place has one colour, grey or another, nothing is corrected.
+units of brightness instead learns nothing, or harms flat places. The correction is bounded by the contrast of colour alone, less
+a part of what noise explains: where a place has one colour, grey or another, nothing is corrected.
 """
 
 from collections import defaultdict
