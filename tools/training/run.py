@@ -29,7 +29,7 @@ from shared.writing import durable_file
 
 from .examples import DRAWN, kept_back, load_example, make_example, save_example
 from .graph import Turn, load_weights, save_graph
-from .network import BASIS, CHANNELS, HALO, Network, descent, losses, optimiser_of, share_left, units
+from .network import BASIS, HALO, Network, descent, losses, optimiser_of, share_left, units
 
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
@@ -172,11 +172,7 @@ def _descend(
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
-    given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()} if plan.start else {}
-    network = Network(plan.pattern.period, len(plan.pattern.sites), len(given["enter.bias"]) if given else CHANNELS)
-    if given:
-        network.load_state_dict(given)
-    network = network.to(device=device, memory_format=torch.channels_last)
+    network = _beginning(plan).to(device=device, memory_format=torch.channels_last)
     optimiser = optimiser_of(network)
     history: list[dict[str, float]] = []
     done, checkpoint = 0, work / "checkpoint.pt"
@@ -210,6 +206,17 @@ def _descend(
             with durable_file(checkpoint, overwrite=True) as file:
                 torch.save(state, file)
     return network.to("cpu"), history
+
+
+def _beginning(plan: Plan) -> Network:
+    """The network before the first step: of random weights, or of those of `start` and as wide."""
+    period, sites = plan.pattern.period, len(plan.pattern.sites)
+    if plan.start is None:
+        return Network(period, sites)
+    given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()}
+    network = Network(period, sites, len(given["enter.bias"]))
+    network.load_state_dict(given)
+    return network
 
 
 def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]:
