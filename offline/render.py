@@ -215,18 +215,14 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> measure(grey).luminance.shape
     (30, 40)
     """
-    exponent = own_unit([mosaic])
-    return replace(_measured(scaled(mosaic, exponent), settings, progress), exponent=exponent)
-
-
-def _measured(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Measured:
-    """Everything that looks at a frame as a whole, in the units of its samples."""
-    frame = cleaned(mosaic, settings, progress)
+    exponent, shading = own_unit([mosaic]), mosaic.calibration.shading
+    frame = cleaned(scaled(mosaic, exponent), settings, progress)
+    del mosaic  # a caller that keeps it neither saves the memory of its samples
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     measured = coloured(frame, luminance, settings, progress)
     del frame, luminance  # for memory
-    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=mosaic.calibration.shading))
+    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading), exponent=exponent)
 
 
 def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
@@ -314,7 +310,7 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SI
     # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
     rough, plain = settings.switched(False), replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
     progress.stage("aberration", mosaic.shape[0])
-    measured = _measured(plain, rough, SILENT)  # needs the most memory, and comes before what is kept beside it
+    measured = measure(plain, rough)  # needs the most memory, and comes before what is kept beside it
     return without_aberration(mosaic, lens, parts_of(measured, rough), progress)
 
 

@@ -32,6 +32,7 @@ def fill_blocks(
     period: int,
     extent: Pair,
     holes: Ints2,
+    starts: Floats3,
     response: Floats3,
     taps: Floats2,
     thresholds: Floats1,
@@ -44,6 +45,7 @@ def fill_blocks(
     period: pixels from one block to the next, at least `extent` + `REACH` in both directions.
     extent: (rows, columns) of a block.
     holes: (holes, 2), row and column of each hole in a block.
+    starts: (holes, rows + 2 `REACH`, columns + 2 `REACH`), the share of each sample in and around a block in the start of a hole.
     response: (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds to the high-pass
         coefficients that see it.
     taps: (2, 4), low-pass and high-pass.
@@ -62,7 +64,7 @@ def fill_blocks(
             for lane in range(WIDTH):
                 places[lane] = first[1] + period * min(group + lane, blocks[1] - 1)
             top = first[0] + row * period
-            _gather(signal, top, places, holes, window, values)
+            _gather(signal, top, places, holes, starts, window, values)
             _decompose(window, taps, half, fixed, energy)
             _iterate(fixed, energy, response, thresholds, removed, values, before)
             for hole in range(len(holes)):
@@ -72,17 +74,21 @@ def fill_blocks(
 
 
 @kernel
-def _gather(signal: Floats2, top: int, places: Ints1, holes: Ints2, window: Floats3, values: Floats2) -> None:
-    """Copy the surroundings of the blocks at row `top` to `window`, one block per lane, and the samples of holes to `values`."""
+def _gather(signal: Floats2, top: int, places: Ints1, holes: Ints2, starts: Floats3, window: Floats3, values: Floats2) -> None:
+    """Copy the surroundings of the blocks at row `top` to `window`, one block per lane, and the starts of holes to `values`."""
     for down in range(window.shape[0]):
         for across in range(window.shape[1]):
             for lane in range(WIDTH):
                 window[down, across, lane] = signal[top + down - REACH, places[lane] + across - REACH]
     for hole in range(len(holes)):
+        start = load(window, (0, 0, 0)) * _NONE
+        for down in range(window.shape[0]):
+            for across in range(window.shape[1]):
+                start += starts[hole, down, across] * load(window, (down, across, 0))
+        store(values, (hole, 0), start)
+    for hole in range(len(holes)):
         for lane in range(WIDTH):
-            place = holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane
-            values[hole, lane] = window[place]  # l_0 = m
-            window[place] = _NONE
+            window[holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane] = _NONE
 
 
 @kernel

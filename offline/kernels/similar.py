@@ -15,7 +15,9 @@ from .pieces import tiles
 
 SURROUNDINGS = 1
 """Pixels around a pixel that are compared. Chosen."""
-_ROWS, _COLUMNS = 128, 256  # of a window; chosen for speed
+AREA = 128, 256
+"""Rows and columns that have the same share of the mean, and that are computed together; chosen for speed."""
+_ROWS, _COLUMNS = AREA
 _NONE, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
 _LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise
 # e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.
@@ -39,7 +41,7 @@ def average_similar(
     shot: Single,
     read: Single,
     similarity: Single,
-    share: Single,
+    shares: Floats2,
     out: Floats2,
 ) -> None:
     """Mix the mean of pixels with similar surroundings into rows[0] to rows[1] of a frame.
@@ -53,7 +55,7 @@ def average_similar(
     shot, read: variance of the noise = shot * signal + read**2.
     similarity: how much surroundings may differ, in standard deviations of the noise: their weight is about
         exp(-d / (2 similarity^2)), d the mean of squared differences.
-    share: of the mean in the result; the rest is `clean`.
+    shares: of the mean in the result, one for each `AREA` of the frame, float32 (down, across); the rest is `clean`.
     out: (rows[1] - rows[0], W), scene units, written.
     """
     height, width = noisy.shape
@@ -65,6 +67,14 @@ def average_similar(
     for window in range(pieces[0], pieces[1]):
         first_row, end_row, left, right = tile_at(window, (rows[1] - rows[0], width), (_ROWS, _COLUMNS))
         top, down, across = rows[0] + first_row, end_row - first_row, right - left
+        used = False
+        for row in range(top, top + down):
+            used = used or shares[row // _ROWS, left // _COLUMNS] > _NONE
+        if not used:
+            for row in range(top, top + down):
+                for column in range(left, right):
+                    out[row - rows[0], column] = clean[row - first, column]
+            continue
         for row in range(down + 2 * halo):
             source = mirrored(top - halo + row, height)
             for column in range(across + 2 * halo):
@@ -85,6 +95,7 @@ def average_similar(
                 if halo <= row + apart < end:
                     _add(planes, row + apart, row, rights, (halo, halo + across), (-1, -1), pairs)
         for row in range(down):
+            share = shares[(top + row) // _ROWS, left // _COLUMNS]
             for column in range(across):
                 value = clean[top + row - first, left + column]
                 mean = sums[row + halo, column + halo] / weights[row + halo, column + halo]

@@ -42,22 +42,23 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     pattern, signal = mosaic.pattern, mosaic.signal
     first = _first_threshold(float(signal.max()), settings)
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
-    guess = _start(signal, pattern) if len(pattern.sites) > _FEW else signal
+    around = settings.relative or len(pattern.sites) > _FEW
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) == 0 or len(columns) == 0:
         progress.stage("luminance", settings.iterations)
-        luminance, change = fill(guess, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
+        holes = _holes(pattern, (pattern.period, signal.shape[1]))
+        luminance, change = fill(_start(signal, holes) if around else signal, holes, thresholds, progress)
         progress.solved("luminance", settings.iterations, change)
         return luminance
     progress.stage("luminance", -(-len(rows) // _PIECE))
-    luminance, changes = copied(guess), np.empty(len(rows), np.float32)
-    change = _fill_margins(luminance, pattern, (rows, columns), thresholds)
-    holes = np.array([site[:2] for site in pattern.sites])
-    extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
+    luminance, changes = copied(signal), np.empty(len(rows), np.float32)
+    change = _fill_margins(luminance, pattern, (rows, columns), thresholds, around)
+    places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
+    starts, response = _shares(extent, places, around), _response(extent, places)
     for start in range(0, len(rows), _PIECE):
         piece = changes[start : start + _PIECE]
         origin, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
-        fill_blocks(guess, luminance, origin, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
+        fill_blocks(signal, luminance, origin, blocks, pattern.period, extent, places, starts, response, _TAPS, thresholds, piece)
         progress.advance()
     progress.solved("luminance", settings.iterations, max(change, float(changes.max())))
     return luminance
@@ -86,16 +87,26 @@ def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
     return max(settings.threshold, (brightest - 1) / 2) if brightest > _WHITE else settings.threshold
 
 
-def _start(signal: FloatArray, pattern: CfaPattern) -> FloatArray:
-    """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W).
+def _start(signal: FloatArray, holes: BoolArray) -> FloatArray:
+    """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W). holes: see `fill`.
 
     Holes of scattered sites and of many channels may be so wide that iterations which start from the samples in them, the paper's
     start, end too early: a flat scene is off by 80 % after 50 of them for eight channels in 2 x 4 pixels, and by 2 % after 62.
     """
-    clear = pattern.panchromatic_mask(signal.shape)
+    clear = ~holes[np.arange(len(signal)) % len(holes)]
     known = clear.astype(np.float32)
     around = smoothed(signal * known, _AROUND) / smoothed(known, _AROUND)
     return np.where(clear, signal, around)
+
+
+def _shares(extent: tuple[int, int], holes: IndexArray, around: bool) -> FloatArray:
+    """What the start of each hole of an isolated block is, as `fill_blocks` takes it: its sample, or as in `_start`."""
+    own = np.zeros((len(holes), *(size + 2 * REACH for size in extent)), np.float32)
+    own[np.arange(len(holes)), *(holes + REACH).T] = 1
+    if not around:
+        return own
+    near = smoothed(own, _AROUND) * (1 - own.sum(axis=0))
+    return near / near.sum(axis=(1, 2), keepdims=True)
 
 
 def _bordered(signal: FloatArray, holes: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -118,7 +129,7 @@ def _holes(pattern: CfaPattern, shape: tuple[int, int], first: tuple[int, int] =
 
 
 def _fill_margins(
-    luminance: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray
+    luminance: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray, around: bool
 ) -> float:
     """Fill the blocks near the frame's edge, which are mirrored there. They lie in four margins, each filled like a whole plane.
 
@@ -131,7 +142,8 @@ def _fill_margins(
     targets = [luminance[end] for end in ends] + [luminance[:, side].T for side in sides]
     holes = [_holes(pattern, (end.stop - end.start, width), (end.start, 0)) for end in ends]
     holes += [_holes(pattern, (height, side.stop - side.start), (0, side.start)).T for side in sides]
-    planes, results, where = zip(*map(_bordered, targets, holes), strict=True)
+    starts = map(_start, targets, holes) if around else targets
+    planes, results, where = zip(*map(_bordered, starts, holes), strict=True)
     lengths = tuple(target.shape[1] for target in targets)
     shrink_margins(planes, results, lengths, where, _TAPS, thresholds)
     last = results if len(thresholds) % 2 else planes

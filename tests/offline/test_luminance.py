@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.settings import LuminanceSettings
+from offline.settings import UNLEARNED, LuminanceSettings
 from offline.whole.luminance import fill, recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
@@ -32,10 +32,8 @@ def shrink(picture: FloatArray, threshold: float) -> FloatArray:
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     signal = mosaic.signal.astype(np.float64)
-    start, threshold = (
-        reference.start(signal, measured, len(mosaic.pattern.sites)),
-        reference.first_threshold(signal, settings.threshold),
-    )
+    start = reference.start(signal, measured, around=settings.relative or len(mosaic.pattern.sites) > 4)
+    threshold = reference.first_threshold(signal, settings.threshold, relative=settings.relative)
     return reference.recover(start, measured, settings.iterations, settings.decay, threshold)
 
 
@@ -44,12 +42,15 @@ def panchromatic(samples: DoubleArray, pattern: CfaPattern) -> Mosaic:
 
 
 @every_case
+@pytest.mark.parametrize("settings", [PAPER, UNLEARNED.luminance])
 @pytest.mark.parametrize("sigma", [None, 0.3])
-def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+def test_equals_the_reference(
+    pattern: CfaPattern, shape: tuple[int, int], sigma: float | None, settings: LuminanceSettings
+) -> None:
     mosaic = shot(pattern, shape, sigma)
-    found = recover_luminance(mosaic, PAPER)
+    found = recover_luminance(mosaic, settings)
     assert found.dtype == np.float32
-    assert_close(found, expected(mosaic), FLOAT32)
+    assert_close(found, expected(mosaic, settings), FLOAT32)
 
 
 @pytest.mark.parametrize(

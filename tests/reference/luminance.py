@@ -27,9 +27,9 @@ def convolved(picture: DoubleArray, down: DoubleArray, across: DoubleArray) -> D
     return sum((tap * columns[:, k : k + width] for k, tap in enumerate(across[::-1])), np.zeros((height, width)))
 
 
-def start(signal: DoubleArray, measured: BoolArray, sites: int) -> DoubleArray:
-    """l_0: the samples; if a block has more than four sites, in every hole the mean of the panchromatic samples around it."""
-    if sites <= 4:
+def start(signal: DoubleArray, measured: BoolArray, *, around: bool) -> DoubleArray:
+    """l_0: the samples; or else in every hole the mean of the panchromatic samples around it."""
+    if not around:
         return signal
     around = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
     return np.where(measured, signal, around)

@@ -45,7 +45,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
 
     part = settings.luminance
-    start = wavelets.start(signal, measured, len(pattern.sites))
+    start = wavelets.start(signal, measured, around=part.relative or len(pattern.sites) > 4)
     threshold = wavelets.first_threshold(signal, part.threshold, relative=part.relative)
     light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
 

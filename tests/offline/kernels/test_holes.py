@@ -27,7 +27,7 @@ def mosaic_of(pattern: CfaPattern, shape: tuple[int, int], scale: float = 1.0, s
 
 def start_of(mosaic: Mosaic) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    return reference.start(mosaic.signal.astype(np.float64), measured, len(mosaic.pattern.sites))
+    return reference.start(mosaic.signal.astype(np.float64), measured, around=len(mosaic.pattern.sites) > 4)
 
 
 def whole_plane(mosaic: Mosaic) -> FloatArray:

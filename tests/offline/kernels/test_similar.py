@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.kernels.similar import SURROUNDINGS, average_similar
+from offline.kernels.similar import AREA, SURROUNDINGS, average_similar
 from shared.arrays import BoolArray, FloatArray
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close
@@ -39,8 +39,10 @@ def rows_of(
     read: float,
 ) -> FloatArray:
     out = np.full((rows[1] - rows[0], noisy.shape[1]), np.nan, np.float32)
-    model, alike = (np.float32(shot), np.float32(read)), (np.float32(SIMILARITY), np.float32(SHARE))
-    average_similar(noisy, uncertain, clean, first, rows, radius, *model, *alike, out)
+    model = np.float32(shot), np.float32(read)
+    shares = np.full([-(-size // side) for size, side in zip(noisy.shape, AREA, strict=True)], SHARE)
+    shares[1:, 1:] = 0  # in a large frame
+    average_similar(noisy, uncertain, clean, first, rows, radius, *model, np.float32(SIMILARITY), shares.astype(np.float32), out)
     return out
 
 
@@ -57,6 +59,7 @@ def test_equals_the_reference(shape: tuple[int, int], radius: int, shot: float, 
 def test_rows_and_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     noisy, clean, uncertain = planes = scene((300, 530))
     whole = averaged(planes, 5, 0.001, 0.04)
+    assert np.array_equal(whole != clean, ~((np.arange(300)[:, None] >= AREA[0]) & (np.arange(530) >= AREA[1])))
     for _ in each_thread_count:
         assert np.array_equal(averaged(planes, 5, 0.001, 0.04), whole)
     for top, bottom in ((0, 37), (100, 101), (143, 300), (290, 300)):
