@@ -20,15 +20,18 @@ def gaussian(sigma: float) -> FloatArray:
     return (taps / taps.sum()).astype(np.float32)
 
 
-def smoothed(planes: NDArray[np.floating[Any]], sigma: float) -> FloatArray:
+def smoothed(planes: NDArray[Any], sigma: float) -> FloatArray:
     """`planes` (..., rows, columns) convolved with a Gaussian along rows and columns, mirrored at the border; float32.
 
     sigma: standard deviation in samples; 0 changes nothing.
     """
+    return filtered(planes, gaussian(sigma)) if sigma else np.ascontiguousarray(planes, np.float32)
+
+
+def filtered(planes: NDArray[Any], taps: FloatArray) -> FloatArray:
+    """As `smoothed`, by the taps of another symmetric filter, an odd number."""
     source = np.ascontiguousarray(planes, np.float32)
-    if sigma == 0:
-        return source
-    found, taps, shape = np.empty_like(source), gaussian(sigma), (-1, *source.shape[-2:])
+    found, shape = np.empty_like(source), (-1, *source.shape[-2:])
     for plane, out in zip(source.reshape(shape), found.reshape(shape), strict=True):
         smooth(plane, taps, out)
     return found

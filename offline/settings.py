@@ -107,7 +107,7 @@ class HighlightsSettings(StageSettings):
     shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
     """
 
-    kernels = "surroundings", "raise_clipped", "interpolate"
+    kernels = "surroundings", "raise_clipped", "interpolate", "smooth"
     asked_by = ("restored",)
     restored: bool = False
     shoulder: _Between = 0.05

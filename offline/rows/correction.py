@@ -28,7 +28,7 @@ class Missed(RowStage):
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with what they miss."""
         shown, sites = part.rows(*rows), self.samples.sites
-        missed = np.zeros_like(shown.luminance)
+        missed = np.zeros(shown.luminance.shape, np.float32)
 
         def measure(site: int) -> None:
             channel, (down, across) = sites.channels[site], sites.places[site]

@@ -22,7 +22,7 @@ from shared.pattern import CfaPattern
 
 from ..blocks import Sites
 from ..kernels.cells import MARGIN, STATE, SURROUNDINGS, correct_cells, describe, survey
-from ..kernels.pieces import in_pieces
+from ..kernels.pieces import copied, in_pieces
 from ..measured import BlockSamples
 from ..parts import Look, Part, RowStage
 
@@ -161,7 +161,7 @@ class Learned(RowStage):
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         channels, gamma, picture = np.array(cells.channels), self.gamma[cells.channels], (part.luminance, part.chromaticity)
         shown = part.rows(*rows)
-        chromaticity = shown.chromaticity.copy()
+        chromaticity = copied(shown.chromaticity)
 
         def work(tile: tuple[int, int]) -> None:
             down, across = ((each * _TILE - halo, (each + 1) * _TILE + halo) for each in tile)

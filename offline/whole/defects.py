@@ -71,7 +71,7 @@ def _find_panchromatic(frame: Cleaned, settings: DefectsSettings, bad: BoolArray
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
-    found, floor = np.zeros_like(bad), settings.floor * frame.level
+    found, floor = np.zeros(bad.shape, np.bool_), settings.floor * frame.level
     find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, floor, figures, bad, found)
     found |= bad
     if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:

@@ -11,10 +11,8 @@ or its colour. Such places are lost, and the render reports them.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
@@ -24,6 +22,7 @@ from shared.white_balance import clipped_share, raised_to_white
 
 from ..blocks import tile
 from ..cleaned import Cleaned
+from ..gaussian import filtered
 from ..kernels.highlights import interpolate, raise_clipped
 from ..kernels.pieces import BLOCK_ROWS, copied, in_strips
 from ..settings import HighlightsSettings
@@ -85,7 +84,7 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
         plane, raised, kept = np.empty_like(seen), seen.copy(), slice(inner.start - top, inner.stop - top)
         interpolate(unknown, (middle[0] - top, middle[1]), pattern.period, plane)
         clear = pattern.panchromatic_mask(seen.shape, (top, 0))
-        lost[inner] = _spread(np.where(clear & (seen >= clipping), plane, 0), clear, pattern)[kept]
+        lost[inner] = shown_at_sites(np.where(clear & (seen >= clipping), plane, 0), clear, pattern)[kept]
         interpolate(light, (middle[0] - top, middle[1]), pattern.period, plane)
         panchromatic = np.roll(tile(pattern), -top, axis=0)
         raise_clipped(seen, panchromatic, clipping, _TOLERANCE * clipping, plane, fall, _FAINT, raised)
@@ -125,23 +124,15 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 
-def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
+def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
     """What is lost of panchromatic samples, and as their mean at the colour sites between them, uint8 (H, W); 255 = all of it.
 
     lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
     """
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
-    total, count = (window_mean(plane, reach) for plane in (lost.clip(0, 1), clear))
+    even = np.full(1 + 2 * reach, 1 / (1 + 2 * reach), np.float32)
+    total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
     return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
-
-
-def window_mean(plane: NDArray[Any], reach: int) -> FloatArray:
-    """The mean of the pixels up to `reach` rows and columns away, of which those outside are 0."""
-    for _ in ("rows", "columns"):
-        wide = np.pad(plane.astype(np.float64), ((reach, reach), (0, 0)))
-        total = np.sum([wide[step : step + len(plane)] for step in range(1 + 2 * reach)], axis=0)
-        plane = (total / (1 + 2 * reach)).astype(np.float32).T
-    return plane
 
 
 def _three_by_three(plane: DoubleArray, reduced: Callable[..., DoubleArray]) -> DoubleArray:

@@ -73,7 +73,8 @@ def parts(top: Path) -> None:
 
     def render(shot: Path, name: str) -> None:
         subject = order.open(Job(str(shot)), 1 << 40, print)
-        write_picture(out / name, subject.bands(StageProgress()), order.development(subject.mosaic))
+        development = order.development(subject.mosaic)
+        write_picture(out / name, subject.bands(StageProgress()), development)
 
     render(shots[0], "first.tif")
     start, used = time.perf_counter(), time.process_time()

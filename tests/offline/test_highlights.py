@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import uniform_filter
 
 from offline import BEST, PAPER, render
-from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured, window_mean
+from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, shown_at_sites, unclipped, unmeasured
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
@@ -213,10 +213,13 @@ def test_what_is_lost_is_the_same_for_every_number_of_threads(each_thread_count:
     assert None not in found
 
 
-@pytest.mark.parametrize("reach", [1, 2])
-def test_what_is_lost_at_colour_sites_is_the_mean_around_them(reach: int) -> None:
-    plane = np.random.default_rng(0).random((9, 14), np.float32)
-    assert np.array_equal(window_mean(plane, reach), uniform_filter(plane, 1 + 2 * reach, mode="constant"))
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")])
+def test_what_is_lost_at_colour_sites_is_the_mean_around_them(pattern: CfaPattern) -> None:
+    clear = pattern.panchromatic_mask((19, 34))
+    lost = np.where(clear, np.random.default_rng(0).random(clear.shape, np.float32), 0)
+    total, count = (uniform_filter(plane.astype(np.float64), 3, mode="mirror") for plane in (lost, clear))
+    expected = np.where(clear, lost, total / np.maximum(count, 1e-3))  # none is seen from a corner of the frame
+    assert np.abs(shown_at_sites(lost, clear, pattern) / 255 - expected).max() < 0.502 / 255
 
 
 def test_blocks_tell_of_what_is_around_them() -> None:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shared import CfaPattern
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
 from shared.writing import OnComplete, keep_old, write_durably
@@ -103,16 +104,15 @@ class _Attempt:
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
                 raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
-            asked = subject.mosaic, order.kind, order.settings
-            if not self.share.last and needed_memory(*asked, subject.count) > self.share.memory:
+            if not self.share.last and needed_memory(subject.mosaic, order.kind, order.settings, subject.count) > self.share.memory:
                 return Outcome(state="postponed")
-            check_memory(*asked, self.share.memory, subject.count)
+            check_memory(subject.mosaic, order.kind, order.settings, self.share.memory, subject.count)
             compile_ahead([order.settings], self.share.processes, self.listener)  # now that only the writing can fail
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
-            development = order.development(subject.mosaic)
+            development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
             log = self._write(subject, development, existing, source_digest)
-        return self._told(subject, development, log, time.monotonic() - start)
+        return self._told(subject, development, pattern, log, time.monotonic() - start)
 
     def _open(self) -> Subject:
         return self.order.open(self.job, self.share.memory, self.listener.note)
@@ -173,11 +173,11 @@ class _Attempt:
         made_key = self.order.key(made, source_digest)
         _journal(self.order.folder).append(Entry(self.order.name(made), digest(part) or "", made_key, self.order.run, source))
 
-    def _told(self, subject: Subject, development: Development, log: "SolverLog", seconds: float) -> Outcome:
+    def _told(self, subject: Subject, development: Development, pattern: CfaPattern, log: "SolverLog", seconds: float) -> Outcome:
         """What is said of a picture that was made."""
         from offline import network_name
 
-        output, kind, mosaic = self.job.output, self.order.kind, subject.mosaic
+        output, kind, calibration = self.job.output, self.order.kind, development.calibration
         rows, columns = development.written_shape
         line = f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, {subject.words}{seconds:.1f} s"
         facts = {
@@ -186,9 +186,9 @@ class _Attempt:
             "height": rows,
             "seconds": round(seconds, 3),
             "solvers": {name: asdict(each) for name, each in log.solvers.items()},
-            "neutral": mosaic.calibration.neutral,
-            "neutral_estimated": mosaic.calibration.neutral_estimated,
-            "learned": network_name(mosaic.pattern) if self.order.settings.learned.used else None,
+            "neutral": calibration.neutral,
+            "neutral_estimated": calibration.neutral_estimated,
+            "learned": network_name(pattern) if self.order.settings.learned.used else None,
         }
         return Outcome(facts | subject.facts(), (line,), subject.errors)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
@@ -147,6 +148,10 @@ class BurstSubject(Subject):
             self._shown = Shown(self.mosaic, self._order.exposure)
             bands = self._shown.taken(bands)
         return bands
+
+    def _given_up(self) -> Mosaic:
+        """The reference, which stays."""
+        return self.mosaic
 
     def beside(self, progress: Progress) -> list[bytes]:
         """Return the report on the burst, if there is to be one, once the last band of the picture has been taken."""

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 class Subject:
     """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a burst.
 
-    mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one.
+    mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one. A single
+        shot is given up by `bands`, to save memory.
     uncertainty: whether the picture states how far it may be off.
     count: number of frames.
     errors: a line for each file that failed, where others are left to render.
@@ -51,10 +52,16 @@ class Subject:
         """Yield the picture as `offline.colour_bands` does."""
         from offline import colour_bands, measure, row_stages, with_uncertainty
 
-        measured = measure(self.mosaic, self.settings, progress)
-        self.lost = measured.lost
         stages = with_uncertainty(self.mosaic, row_stages) if self.uncertainty else row_stages
+        measured = measure(self._given_up(), self.settings, progress)
+        self.lost = measured.lost
         return colour_bands(measured, self.settings, progress, stages)
+
+    def _given_up(self) -> Mosaic:
+        """The shot, which only the caller holds from now on."""
+        mosaic = self.mosaic
+        del self.mosaic
+        return mosaic
 
     def beside(self, progress: Progress) -> list[bytes]:
         """Return the contents of the files beside the picture (`Job.outputs`), once its last band has been taken."""
