@@ -341,7 +341,7 @@ BEST = RenderSettings(
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))),
-    propagation=PropagationSettings(softness=0.3, likeness=10.0),  # without likeness photographs lose 0.05 dB
+    propagation=PropagationSettings(softness=0.45, likeness=7.0),  # without likeness photographs lose 0.05 dB
     affinity=AffinitySettings(tolerance=3e-3),  # with 1e-3 no photograph gains 0.02 dB
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
 ).switched(True)
