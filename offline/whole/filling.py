@@ -1,6 +1,6 @@
 """Luminance under the blocks of colour sites, corrected by a network that has seen photographs.
 
-What the wavelets fill in is smooth where an edge, a stroke or a texture runs under a block. A small network with two hidden layers
+What the wavelets fill in is smooth where an edge, a stroke or a texture runs under a block. A small network with hidden layers
 sees the pixels around a block as they are filled, in units of their contrast, and the noise in these units. It returns what its
 sites are off by, in these units too: no brightness and no contrast is special, and what is flat stays as it is.
 `tools/training/luminance.py` trains it; `models/README.md` says on what. The paper has none of this.
@@ -25,9 +25,9 @@ REACH = 5
 SIDE = 2 + 2 * REACH
 """Pixels along the side of what it sees."""
 _LEAST_PERIOD = 4  # with less, most of what it sees is filled in
-_FLAT = 1e-5  # contrast, a share of the light, that is rounding
-_NOISIEST = 8.0  # binary logarithm of noise in units of contrast: bounds an input
-_TINY = 1e-30  # keeps quotients finite
+# Contrast, a share of the light, and in standard deviations of the noise, from which on the network is asked. On photographs kept
+# back, what it could correct where there is less is a hundredth of what it corrects, and half of the blocks.
+_PLAIN, _CLEAR = 0.02, 3.0
 _PIECE = 32  # rows of blocks that are computed together, whatever the number of threads
 
 
@@ -44,16 +44,16 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     order = [2 * (row ^ (steps[0] < 0)) + (column ^ (steps[1] < 0)) for row, column, _ in pattern.sites]
     grid = sites.grid
     first_rows, columns = grid.whole_rows, grid.whole_columns
-    off = np.empty((len(first_rows), len(columns), count), np.float32)
+    off = np.zeros((len(first_rows), len(columns), count), np.float32)
 
     def work(piece: int) -> None:
         rows = first_rows[piece * _PIECE : (piece + 1) * _PIECE]
         # Only what this piece sees, continued beyond the frame's edges: a frame with a border would be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
-        seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
+        asked, seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
         (found,) = network.run(None, {"seen": seen})
-        off[piece * _PIECE :][: len(rows)] = (found * units)[:, order].reshape(len(rows), len(columns), count)
+        off[piece * _PIECE :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 
     in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
 
@@ -74,22 +74,22 @@ def mirrors(pattern: CfaPattern) -> tuple[int, int]:
 
 def seen_around(
     wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None, steps: tuple[int, int] = (1, 1)
-) -> tuple[FloatArray, FloatArray]:
-    """What the network sees around blocks, float32 (blocks, SIDE^2 + 1), and the unit of its answer, scene units, (blocks, 1).
+) -> tuple[IndexArray, FloatArray, FloatArray]:
+    """Which blocks have enough contrast around them that the network can tell anything, and of these what it sees.
 
     wide: luminance with `REACH` more pixels on each side. blocks: first rows and first columns of blocks, without these pixels.
     steps: -1 along an axis (down, across) that is mirrored, otherwise 1.
+    Returns their n numbers, row by row; what the network sees, float32 (n, SIDE^2 + 1); and the unit of its answer, scene units,
+    (n, 1).
     """
     windows = sliding_window_view(wide, (SIDE, SIDE))[np.ix_(*blocks)]
     pixels = windows[..., :: steps[0], :: steps[1]].reshape(-1, SIDE**2)
-    seen = np.empty((len(pixels), SIDE**2 + 1), np.float32)
-    shown = seen[:, :-1]
     mean = np.einsum("ij->i", pixels)[:, None] / np.float32(SIDE**2)  # half the time of means and squares
-    np.subtract(pixels, mean, out=shown)
-    units: FloatArray = np.sqrt(np.einsum("ij,ij->i", shown, shown)[:, None] / np.float32(SIDE**2))
-    units[units <= np.float32(_FLAT) * np.abs(mean)] = 0
-    safe = np.maximum(units, np.float32(_TINY))
-    shown *= 1 / safe
-    variance = noise.variance(mean, -1) if noise else np.zeros_like(mean)
-    seen[:, -1:] = np.minimum(np.log2(1 + np.sqrt(variance) / safe), _NOISIEST)
-    return seen, units
+    pixels -= mean
+    units: FloatArray = np.sqrt(np.einsum("ij,ij->i", pixels, pixels)[:, None] / np.float32(SIDE**2))
+    deviation = np.sqrt(noise.variance(mean, -1) if noise else np.zeros_like(mean))
+    asked = np.flatnonzero(units > np.maximum(np.float32(_PLAIN) * np.abs(mean), np.float32(_CLEAR) * deviation))
+    units, seen = units[asked], np.empty((len(asked), SIDE**2 + 1), np.float32)
+    np.divide(pixels[asked], units, out=seen[:, :-1])
+    seen[:, -1:] = np.log2(1 + deviation[asked] / units)
+    return asked, seen, units

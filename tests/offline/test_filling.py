@@ -90,9 +90,21 @@ def test_the_number_of_threads_changes_no_bit() -> None:
 def test_it_sees_contrast_and_noise_in_units_of_contrast() -> None:
     wide = np.pad(np.arange(400.0, dtype=np.float32).reshape(20, 20), REACH)
     blocks = np.array([3, 9]), np.array([7])
-    seen, units = seen_around(wide, blocks, NoiseModel((0.0,) * 4, (2.0,) * 4))
+    asked, seen, units = seen_around(wide, blocks, NoiseModel((0.0,) * 4, (2.0,) * 4))
+    assert asked.tolist() == [0, 1]
     for place, row in enumerate(blocks[0]):
         pixels = wide[row : row + SIDE, 7 : 7 + SIDE]
         assert units[place, 0] == pytest.approx(pixels.std(), rel=1e-5)
         assert seen[place, :-1] == pytest.approx(((pixels - pixels.mean()) / pixels.std()).ravel(), abs=1e-4)
         assert seen[place, -1] == pytest.approx(np.log2(1 + 2 / pixels.std()), rel=1e-4)
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.0, 0.02), (0.02, 0.06)])
+def test_it_is_asked_where_there_is_contrast_beyond_noise_alone(noise: float, most: float) -> None:
+    """A checkerboard, whose contrast grows from block to block, around one."""
+    contrasts = np.repeat(np.linspace(0.004, 0.1, 25), SIDE).astype(np.float32)
+    wide = 1 + np.where(np.indices((SIDE, 25 * SIDE)).sum(axis=0) % 2, contrasts, -contrasts)
+    blocks = np.array([0]), np.arange(0, 25 * SIDE, SIDE)
+    asked, _, units = seen_around(wide, blocks, NoiseModel.gaussian(noise, 4))
+    assert asked.tolist() == np.flatnonzero(contrasts[::SIDE] > most).tolist()
+    assert units[:, 0] == pytest.approx(contrasts[::SIDE][asked], rel=1e-3)

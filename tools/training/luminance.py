@@ -29,8 +29,8 @@ from .examples import DRAWN, kept_back, photographed, photographs
 from .graph import Graph
 from .network import descent, optimiser_of
 
-_HIDDEN = 128, 64
-_BLOCKS, _BATCH = 3000, 2048  # taken of a picture; and learned from at a time
+_HIDDEN = 256, 128, 128, 128
+_BLOCKS, _BATCH = 6000, 2048  # taken of a picture; and learned from at a time
 _BLOCK = {4: ("RG", "GB"), 3: ("RG", "BW")}  # number of sites -> a block of 2 x 2 pixels
 _PERIODS = {4: (4, 6, 6, 8), 3: (4, 4, 5, 6)}  # K, drawn
 _CLEAN = 0.4  # share without noise
@@ -51,13 +51,13 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     patterns = [CfaPattern.with_block(_BLOCK[sites], period) for period in _PERIODS[sites]]
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
-    seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), (grid.whole_rows, grid.whole_columns), mosaic.calibration.noise)
+    blocks = grid.whole_rows, grid.whole_columns
+    asked, seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
-    off = [missing[np.ix_(grid.whole_rows + down, grid.whole_columns + across)].ravel() for down, across, _ in mosaic.pattern.sites]
-    light = filled[np.ix_(grid.whole_rows, grid.whole_columns)].reshape(-1, 1)
-    chosen = random.permutation(np.flatnonzero(units[:, 0]))[:_BLOCKS]
-    unit = units[chosen]
-    return seen[chosen].astype(np.float16), np.stack(off, axis=1)[chosen] / unit, unit, light[chosen]
+    off = [missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites]
+    light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
+    seen, units, asked = seen[chosen], units[chosen], asked[chosen]
+    return seen.astype(np.float16), np.stack(off, axis=1)[asked] / units, units, light[asked]
 
 
 def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]) -> nn.Sequential:
@@ -123,12 +123,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.training.luminance", description=__doc__.partition("\n\n")[0])
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help="photographs to learn from, in this folder or below")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
-    parser.add_argument("--steps", type=int, default=6000, metavar="N", help="of gradient descent (default: 6000)")
+    parser.add_argument("--steps", type=int, default=60000, metavar="N", help="of gradient descent (default: 60000)")
+    parser.add_argument("--variants", type=int, default=4, metavar="N", help="examples made of each photograph (default: 4)")
     parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes that simulate (default: 1)")
     arguments, console = parser.parse_args(), Console()
     files = sorted(photographs(arguments.folders))
-    sources = [*files, *[DRAWN] * (len(files) // 5)]
+    sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
     with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:
         progress.stage("examples", len(sources))
