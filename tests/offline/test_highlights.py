@@ -188,7 +188,7 @@ def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     mosaic = exposed(scene.astype(np.float32))
     found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
     assert shown.apply(shown.whitened(found.rgb, found.lost), -2)[:, 31:].min() > 0.98
-    assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.9
+    assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.92
     assert not found.lost[:, :28].any()
 
 

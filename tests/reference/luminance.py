@@ -31,8 +31,8 @@ def start(signal: DoubleArray, measured: BoolArray, *, around: bool) -> DoubleAr
     """l_0: the samples; or else in every hole the mean of the panchromatic samples around it."""
     if not around:
         return signal
-    around = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
-    return np.where(measured, signal, around)
+    mean = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
+    return np.where(measured, signal, mean)
 
 
 def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = False) -> float:

@@ -54,10 +54,10 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     blocks = grid.whole_rows, grid.whole_columns
     asked, seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
-    off = [missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites]
+    off = np.stack([missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites])
     light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
     seen, units, asked = seen[chosen], units[chosen], asked[chosen]
-    return seen.astype(np.float16), np.stack(off, axis=1)[asked] / units, units, light[asked]
+    return seen.astype(np.float16), (off[:, asked].T / units).astype(np.float32), units, light[asked]
 
 
 def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]) -> nn.Sequential:
