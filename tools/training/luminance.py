@@ -34,6 +34,7 @@ _BLOCKS, _BATCH = 6000, 2048  # taken of a picture; and learned from at a time
 _BLOCK = {4: ("RG", "GB"), 3: ("RG", "BW")}  # number of sites -> a block of 2 x 2 pixels
 _PERIODS = {4: (4, 6, 6, 8), 3: (4, 4, 5, 6)}  # K, drawn
 _CLEAN = 0.4  # share without noise
+_CLEAR = 3.0  # standard deviations of the noise: least contrast of the blocks that are learned from
 _FAINT = 0.1  # scene units: below this light contrast counts less
 _ENERGY = 2.0  # weight of the energy of errors beside their size
 _REPORT = 1000  # steps between two reports
@@ -55,6 +56,8 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     asked, seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
     off = np.stack([missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites])
+    clear = seen[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR))
+    asked, seen, units = asked[clear], seen[clear], units[clear]
     light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
     seen, units, asked = seen[chosen], units[chosen], asked[chosen]
     return seen.astype(np.float16), (off[:, asked].T / units).astype(np.float32), units, light[asked]
