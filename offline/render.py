@@ -217,7 +217,7 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     """
     exponent, shading = own_unit([mosaic]), mosaic.calibration.shading
     frame = cleaned(scaled(mosaic, exponent), settings, progress)
-    del mosaic  # a caller that keeps it neither saves the memory of its samples
+    del mosaic  # for memory, unless the caller keeps it
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     measured = coloured(frame, luminance, settings, progress)
