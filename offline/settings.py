@@ -1,63 +1,16 @@
 """The settings of each stage, in order of execution, and the presets."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from math import inf
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
-from shared.errors import InputError
+from .stage import Between, Count, CountOrNone, Finite, NotNegative, Positive, Range, Share, StageSettings
 
 # Accepted at most, for time and memory: side of a DCT block and radius of non-local means, pixels; radius of pooling, blocks.
 _LARGEST, _FARTHEST, _WIDEST = 32, 16, 64
-
-
-class _Range(NamedTuple):
-    """Which values a setting may have: whether a value is one of them, and how to say which are."""
-
-    holds: Callable[[Any], bool]
-    expected: str
-
-
-_NotNegative = Annotated[float, _Range(lambda value: value >= 0, "0 or more")]
-_Finite = Annotated[float, _Range(lambda value: 0 <= value < inf, "0 or more")]
-_Positive = Annotated[float, _Range(lambda value: value > 0, "more than 0")]
-_Between = Annotated[float, _Range(lambda value: 0 < value < 1, "between 0 and 1")]
-_Share = Annotated[float, _Range(lambda value: 0 <= value <= 1, "0 to 1")]
-_Count = Annotated[int, _Range(lambda value: value >= 1, "1 or more")]
-_CountOrNone = Annotated[int, _Range(lambda value: value >= 0, "0 or more")]
-_SIZES = _Range(
+_SIZES = Range(
     lambda value: bool(value) and {*value} <= {*range(4, _LARGEST + 1, 4)}, f"one or more multiples of 4 up to {_LARGEST}"
 )
-_SCALES = _Range(lambda value: min(value, default=0) > 0, "one or more positive scales")
-
-
-class StageSettings:
-    """Base of the settings of a stage: their ranges, whether it is used, and which kernels it then calls, to compile them ahead.
-
-    asked_by: settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
-    kernels: names of those that it calls when it is used; stages in rows say so themselves.
-    """
-
-    asked_by: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Raise InputError, which names a setting, its value and what is expected, for one outside its range."""
-        part = type(self).__name__.removesuffix("Settings").lower()
-        for each in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, each.name)
-            for allowed in getattr(each.type, "__metadata__", ()):
-                if not allowed.holds(value):
-                    raise InputError(f"settings: {part}.{each.name} is {value}, expected {allowed.expected}")
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return not self.asked_by or any(getattr(self, name) for name in self.asked_by)
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """See above."""
-        return ()
+_SCALES = Range(lambda value: min(value, default=0) > 0, "one or more positive scales")
 
 
 @dataclass(frozen=True)
@@ -82,9 +35,9 @@ class DefectsSettings(StageSettings):
     kernels = "find_outliers", "mend_panchromatic", "surroundings"
     asked_by = "listed", "contrast"
     listed: bool = False
-    contrast: _NotNegative = 0.0
-    deviations: _NotNegative = 6.0
-    floor: _Positive = 0.04
+    contrast: NotNegative = 0.0
+    deviations: NotNegative = 6.0
+    floor: Positive = 0.04
 
 
 @dataclass(frozen=True)
@@ -96,7 +49,7 @@ class TrustSettings(Switch):
     """
 
     kernels = "surroundings", "smooth"
-    tolerance: _Positive = 0.4
+    tolerance: Positive = 0.4
 
 
 @dataclass(frozen=True)
@@ -110,7 +63,7 @@ class HighlightsSettings(StageSettings):
     kernels = "surroundings", "raise_clipped", "interpolate", "smooth"
     asked_by = ("restored",)
     restored: bool = False
-    shoulder: _Between = 0.05
+    shoulder: Between = 0.05
 
 
 @dataclass(frozen=True)
@@ -126,9 +79,9 @@ class LuminanceSettings(StageSettings):
     """
 
     kernels = "fill_blocks", "shrink_margins"
-    iterations: _Count = 50
-    decay: _Between = 2**-0.25
-    threshold: _Positive = 1.0
+    iterations: Count = 50
+    decay: Between = 2**-0.25
+    threshold: Positive = 1.0
     relative: bool = False
     learned: bool = False
 
@@ -157,12 +110,12 @@ class DenoisingSettings(StageSettings):
 
     kernels = "denoise", "average_similar"
     asked_by = ("strength",)
-    strength: _NotNegative = 0.0
+    strength: NotNegative = 0.0
     sizes: Annotated[tuple[int, ...], _SIZES] = (4, 12)
-    threshold: _Positive = 2.5
-    share: _Share = 0.3
-    similarity: _Positive = 0.65
-    radius: Annotated[int, _Range(lambda value: 1 <= value <= _FARTHEST, f"1 to {_FARTHEST}")] = 7
+    threshold: Positive = 2.5
+    share: Share = 0.3
+    similarity: Positive = 0.65
+    radius: Annotated[int, Range(lambda value: 1 <= value <= _FARTHEST, f"1 to {_FARTHEST}")] = 7
 
 
 @dataclass(frozen=True)
@@ -177,10 +130,10 @@ class ChromaticitySettings(StageSettings):
         luminance, which are solved for together with chromaticity (see `sites`); 0 = Eqs. 8-9 as they are.
     """
 
-    taps: Annotated[int, _Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
-    repetitions: _CountOrNone = 20
-    detail_gain: _Finite = 0.0
-    mismatch: _Finite = 0.0
+    taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
+    repetitions: CountOrNone = 20
+    detail_gain: Finite = 0.0
+    mismatch: Finite = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -202,7 +155,7 @@ class PoolingPass(NamedTuple):
     radius: int
 
 
-_PASSES = _Range(
+_PASSES = Range(
     lambda passes: all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in passes),
     f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}",
 )
@@ -221,8 +174,8 @@ class PoolingSettings(StageSettings):
     kernels = "pool", "smooth"
     asked_by = ("passes",)
     passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
-    light: _Positive = 0.25
-    curvature_error: _NotNegative = 0.2
+    light: Positive = 0.25
+    curvature_error: NotNegative = 0.2
 
 
 @dataclass(frozen=True)
@@ -248,8 +201,8 @@ class AffinitySettings(StageSettings):
     """
 
     scales: Annotated[tuple[float, ...], _SCALES] = (0.5, 1.0)
-    tolerance: _Between = 1e-3
-    iterations: _Count = 500
+    tolerance: Between = 1e-3
+    iterations: Count = 500
 
 
 @dataclass(frozen=True)
@@ -261,8 +214,8 @@ class PropagationSettings(StageSettings):
     blocks as bright as the pixel; both 0 or more.
     """
 
-    softness: _Finite = 0.0
-    likeness: _Finite = 0.0
+    softness: Finite = 0.0
+    likeness: Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -276,10 +229,10 @@ class RefinementSettings(StageSettings):
     """
 
     asked_by = ("repetitions",)
-    strength: _NotNegative = 40.0
-    floor: _Positive = 1e-3
-    blur: _Positive = 1 / 8
-    repetitions: _CountOrNone = 2
+    strength: NotNegative = 40.0
+    floor: Positive = 1e-3
+    blur: Positive = 1 / 8
+    repetitions: CountOrNone = 2
 
 
 @dataclass(frozen=True)
