@@ -25,6 +25,7 @@ from .kernels.mixing import colour
 from .measured import Measured, Stages
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
+from .rows.fringes import Displaced
 from .rows.learned import Learned
 from .rows.lines import OnLines
 from .rows.pinning import Pinning
@@ -41,6 +42,7 @@ from .whole.chromaticity import estimate_chromaticities
 from .whole.colour_lines import colour_lines
 from .whole.defects import mend_defects
 from .whole.denoising import denoise_luminance
+from .whole.fringes import find_fringes, registered_samples
 from .whole.highlights import clipping_level, restore_highlights
 from .whole.luminance import recover_luminance
 from .whole.noise import with_noise
@@ -100,7 +102,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
     'affinity'
     """
-    samples, gamma, shading = measured.samples, measured.gamma, measured.calibration.shading
+    samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
         Propagation(measured, settings.affinity, settings.propagation, progress),  # c, Eqs. 10-14
         Refinement(measured, settings.refinement) if settings.refinement.used else None,  # c+, Eqs. 15-16
@@ -114,8 +116,15 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
             Learned(network, samples, gamma) if settings.learned.used and (network := network_for(measured.pattern)) else None,
         ]
-    stages.append(EvenLight(shading, measured.shape) if shading is not None else None)
+    stages += faults_of_lens(measured)
     return [stage for stage in stages if stage is not None]
+
+
+def faults_of_lens(measured: Measured) -> list[RowStage]:
+    """The last stages: what a lens did to a frame, and the stages before do not see."""
+    fringes, shading = measured.fringes, measured.calibration.shading
+    stages: list[RowStage] = [] if fringes is None else [Displaced(fringes, measured.gamma)]
+    return stages if shading is None else [*stages, EvenLight(shading, measured.shape)]
 
 
 def render(
@@ -220,8 +229,10 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     del mosaic  # for memory, unless the caller keeps it
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
-    measured = coloured(frame, luminance, settings, progress)
-    del frame, luminance  # for memory
+    found = find_fringes(frame, luminance, settings.fringes)
+    frame = frame if found is None else registered_samples(frame, luminance, found)
+    measured = replace(coloured(frame, luminance, settings, progress), fringes=found and found.fringes)
+    del frame, luminance, found  # for memory
     return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading), exponent=exponent)
 
 

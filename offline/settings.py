@@ -119,6 +119,13 @@ class DenoisingSettings(StageSettings):
 
 
 @dataclass(frozen=True)
+class FringesSettings(Switch):
+    """Channels that a lens or quads displace: measured, and colour estimated without it (see `whole.fringes`); not in the paper."""
+
+    kernels = ("fringe_equations",)
+
+
+@dataclass(frozen=True)
 class ChromaticitySettings(StageSettings):
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
@@ -257,6 +264,7 @@ class RenderSettings:
     highlights: HighlightsSettings = HighlightsSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
+    fringes: FringesSettings = FringesSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
     lines: LineSettings = LineSettings()

@@ -22,12 +22,13 @@ from ..cleaned import Cleaned
 from ..kernels.merging import merge
 from ..measured import Measured
 from ..parts import RowStage
-from ..render import Others, colour_bands, coloured, row_stages, settled
+from ..render import Others, colour_bands, coloured, faults_of_lens, row_stages, settled
 from ..rows.uncertainty import with_uncertainty
 from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
 from ..whole.denoising import denoise_luminance
+from ..whole.fringes import find_fringes, registered_samples
 from .copies import copies
 from .judging import Comparison, Judged, Kept, as_arrays, compared, displaced
 from .samples import ColourSamples, Spreading, alone_of, relit_sites
@@ -102,7 +103,9 @@ def render_burst_bands(
     """
 
     def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-        return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
+        registered = replace(measured, fringes=None)  # until samples have corrected the picture
+        spreading = Spreading(merged.samples, measured, progress)
+        return [*row_stages(registered, settings, progress), spreading, *faults_of_lens(measured)]
 
     stated = stages if uncertain is None else with_uncertainty(uncertain, stages, merged.shares)
     return colour_bands(merged.measured, settings, progress, stated)
@@ -117,6 +120,12 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     luminance = denoised(merged, cleaned.mosaic, settings)
     samples = ColourSamples.of(found.kept, merged.light, merged.weight, sites)
     samples = samples.relit(luminance - merged.luminance).where_others(luminance, merged.shares)
+    fringes = find_fringes(cleaned, luminance, settings.fringes)
+    if fringes is not None:
+        cleaned, samples = (
+            registered_samples(cleaned, luminance, fringes),
+            samples.registered(luminance, fringes, sites, cleaned.gamma),
+        )
     sums = samples.block_sums(sites) if len(found.kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
@@ -126,6 +135,7 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     # Where the reference is not alone, others measure luminance under its sites.
     others = Others(sums, alone.astype(np.float32))
     measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
+    measured = replace(measured, fringes=fringes and fringes.fringes)
     return measured, samples.relit(measured.luminance - luminance), merged.shares
 
 

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import shift
 
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
 from offline.settings import PoolingPass, Switch
 from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError
-from tests.offline.scenes import gamma_of, shot
+from tests.offline.scenes import gamma_of, materials, shot
 from tests.reference.sensor import observe
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
@@ -51,6 +52,7 @@ MOVED: dict[str, dict[str, Change]] = {
     **{name: {"used": (False, None)} for name in SWITCHES},
     "trust": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
+    "fringes": {"used": (False, 0.005)},
 }
 # Parts that a damaged shot has need of, whose colours are on a line.
 BEYOND = ("defects", "highlights", "lines")
@@ -80,6 +82,17 @@ def damaged_shot(sigma: float | None) -> Mosaic:
     return Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
 
 
+def displaced_shot(sigma: float | None) -> Mosaic:
+    """A shot whose red lies a quarter of a pixel lower, and in which other channels do not."""
+    scene = materials((150, 180), 3)
+    scene[..., 0] = shift(scene[..., 0], 0.25, mode="mirror")
+    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    return observe(scene, pattern, gamma_of(pattern), sigma, np.random.default_rng(1).normal(scale=sigma or 0, size=(150, 180)))
+
+
+SHOTS = {**dict.fromkeys(BEYOND, damaged_shot), "fringes": displaced_shot}
+
+
 def test_every_setting_is_moved() -> None:
     assert {part.name: {knob.name for knob in fields(getattr(PAPER, part.name))} for part in fields(PAPER)} == {
         part: set(knobs) for part, knobs in MOVED.items()
@@ -94,7 +107,7 @@ def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
     value, sigma = MOVED[part][knob]
     settings = PRESETS[preset]
     value = not getattr(settings.luminance, knob) if knob in {"relative", "learned"} else value
-    mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
+    mosaic = SHOTS.get(part, busy_shot)(sigma)
     moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
     assert moved != settings
     if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result

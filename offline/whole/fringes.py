@@ -1,0 +1,144 @@
+"""Fringes: channels that are displaced against luminance, measured in the shot itself.
+
+A lens draws each colour at a size of its own, and a picture whose pixels are quads of a Bayer sensor shows red and blue half a
+pixel apart. Every edge then has a fringe of colour that one block in K x K pixels cannot see, and that misleads the blocks beside
+it. But all edges have the same one, so that a few numbers tell it: how far each channel is displaced down, across, and outwards
+from the middle of the frame.
+
+They are measured by what they do. The chromaticity of a channel is its sample over luminance, where that channel sees it, and
+varies least from block to block if the displacement is right. So differences between neighbouring blocks are made small, robustly,
+because colours have edges of their own. Filled luminance may be too flat under a block, which looks as if opposite sites were
+displaced; by how much is measured along. A displacement is believed as far as tiles of blocks agree on it.
+
+The samples are corrected to what they would be without it, and colour is estimated from these. In the end the channels are
+displaced again (`rows.fringes`): the picture shows what was before the sensor. The paper has none of this.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray, IndexArray
+
+from ..blocks import Sites, curvature
+from ..cleaned import Cleaned, unclipped_blocks
+from ..gaussian import smoothed
+from ..kernels.fringes import Blocks, Grid, fringe_equations, without_fringes
+from ..measured import Fringes
+from ..settings import Switch
+
+# Chosen on 111 photographs to learn from, as they are and with displaced channels; half and twice of each find nearly as many.
+_BLOCKS, _SIDE = 1 << 14, 8  # blocks that are looked at in a large frame, at least; and along the side of a tile
+_SHIFT, _OUTWARD = 0.25, 0.5  # pixels: displacements that are expected, down or across, and outwards in a corner
+_FLAT = 0.1  # share by which luminance under a block is expected to be too flat
+_STILL = 0.01  # pixels: by how much all channels together may be displaced, which nothing can tell
+_BLUR = 1.0  # blocks: standard deviation of the Gaussian that smooths chromaticities
+_EVEN, _FILLED = 0.05 / 3, 0.2  # of chromaticities that differ by chance: their own; and the error of luminance, of its curvature
+_SCALE = 0.5  # standard deviations from which on a difference counts less
+_LEAST, _DARK = 0.02 / 3, 1e-3  # chromaticity; luminance, a share of the mean one
+_ROUNDS, _STEP = 10, 2e-3  # the most rounds, and pixels of the last one
+# Pixels that no agreement excludes; and in these and the deviations between tiles, how large a displacement has to be to be
+# believed, and how large, to be believed wholly. By chance 95 % stay below 3.1 to 3.6; those of quads reach 6 to 12.
+_UNSURE, _BELIEVED = 0.05, (3.5, 5.5)
+
+
+class FoundFringes(NamedTuple):
+    """Fringes, and about the chromaticity of each whole block, float32 (rows, columns, C)."""
+
+    fringes: Fringes
+    colour: FloatArray
+
+
+def find_fringes(frame: Cleaned, luminance: FloatArray, settings: Switch) -> FoundFringes | None:
+    """How far the channels of a frame are displaced; None = not at all as far as one can tell, or nobody asks.
+
+    luminance: (H, W), filled in and denoised, scene units.
+    """
+    sites, gamma = frame.sites, frame.gamma
+    if not settings.used or min(sites.shape) < 2:
+        return None
+    samples, noise = frame.samples.astype(np.float32), 0.0 if frame.noise is None else frame.noise.sigma(0.0)
+    dark = np.float32(max(_DARK * frame.level, 3 * noise))
+    light = np.maximum(sites.of(luminance), dark)
+    colour = _colour(frame, samples / light)
+    blocks = samples, colour, _variance(frame, luminance, samples, light, colour), unclipped_blocks(frame)
+    shifts = _measured(luminance, blocks, _grid(sites), gamma, dark)
+    return None if shifts is None else FoundFringes(Fringes(shifts, frame.mosaic.shape), colour)
+
+
+def registered_samples(frame: Cleaned, luminance: FloatArray, found: FoundFringes) -> Cleaned:
+    """The frame with its colour samples as if no channel were displaced; those beside clipped ones stay. luminance: (H, W)."""
+    sites, signal, lens = frame.sites, frame.signal.copy(), (frame.gamma, found.fringes.shifts, frame.mosaic.shape)
+    samples = sites.of(signal)
+    registered = np.empty_like(samples)
+    without_fringes(luminance, samples, found.colour, unclipped_blocks(frame), _grid(sites), lens, registered)
+    for site, place in enumerate(sites.places):
+        signal[place] = registered[..., site]
+    return frame.with_samples(signal)
+
+
+def _grid(sites: Sites) -> Grid:
+    rows, columns = sites.grid.whole_rows, sites.grid.whole_columns
+    places = [(rows[0] + row, columns[0] + column, channel) for row, column, channel in sites.pattern.sites]
+    return np.array(places, np.intp), sites.grid.period
+
+
+def _colour(frame: Cleaned, shares: FloatArray) -> FloatArray:
+    """About the chromaticity of each block, (rows, columns, C). shares: samples over luminance, (rows, columns, S)."""
+    means = np.moveaxis(smoothed(np.moveaxis(frame.sites.means(shares), 2, 0), _BLUR), 0, 2).clip(_LEAST)
+    return np.ascontiguousarray(means / (means @ frame.gamma)[..., None], np.float32)
+
+
+def _variance(frame: Cleaned, luminance: FloatArray, samples: FloatArray, light: FloatArray, colour: FloatArray) -> FloatArray:
+    """By how much samples over luminance differ by chance: variance, (rows, columns, S)."""
+    variance = np.full_like(light, _EVEN**2)
+    if frame.noise is not None:
+        variance += frame.noise.variance(samples, frame.sites.channels) / light**2
+    for site, (channel, place) in enumerate(zip(frame.sites.channels, frame.sites.places, strict=True)):
+        error = np.float32(_FILLED) * curvature(luminance, place, frame.sites.grid)
+        variance[..., site] += (colour[..., channel] * error / light[..., site]) ** 2
+    return variance
+
+
+def _measured(luminance: FloatArray, blocks: Blocks, grid: Grid, gamma: DoubleArray, dark: np.float32) -> DoubleArray | None:
+    """How far the channels are displaced, (C, 3), as far as that is to be believed. blocks, grid: as in `kernels.fringes`."""
+    tiles, count = _tiles(blocks[0].shape[:2]), len(gamma)
+    expected = np.array([_SHIFT, _SHIFT, _OUTWARD] * count + [_FLAT] * 2)
+    together = np.kron(gamma * blocks[1].mean(axis=(0, 1)), np.eye(3)) / _STILL
+    prior, size = np.diag(expected**-2), len(expected)
+    prior[:-2, :-2] += together.T @ together
+    normal, steep, right = (np.zeros((len(tiles), *shape)) for shape in ((size, size), (size, size), (size,)))
+    found = np.zeros(size)
+    for _ in range(_ROUNDS):
+        lens = gamma, found[:-2].reshape(count, 3), luminance.shape
+        fringe_equations(luminance, blocks, grid, lens, found[-2:], tiles, _SIDE, dark, _SCALE, (normal, steep, right))
+        step = np.linalg.solve(normal.sum(axis=0) + prior, right.sum(axis=0) - prior @ found)
+        found = found + step
+        if np.abs(step).max() < _STEP:
+            break
+    return _believed(found, prior, steep, right)
+
+
+def _believed(found: DoubleArray, prior: DoubleArray, steep: DoubleArray, right: DoubleArray) -> DoubleArray | None:
+    """The displacements found, as far as they exceed what the tiles differ by; None = not at all.
+
+    steep, right: of each tile, see `kernels.fringes.Equations`.
+    """
+    tiles, unknowns = right.shape
+    if tiles <= unknowns:
+        return None
+    whole = steep.sum(axis=0) + prior
+    changes = np.linalg.solve(whole - steep, right[..., None])[..., 0]  # what would change without each tile
+    inverse = np.linalg.inv(whole)
+    covariance = tiles / (tiles - unknowns) * np.einsum("ti,tj->ij", changes, changes) + inverse @ prior @ inverse
+    shifts, apart = found[:-2], covariance[:-2, :-2] + _UNSURE**2 * np.eye(len(found) - 2)
+    deviations = np.sqrt(shifts @ np.linalg.solve(apart, shifts))
+    share = float(np.interp(deviations, _BELIEVED, (0, 1)))
+    return share * shifts.reshape(-1, 3) if share else None
+
+
+def _tiles(blocks: tuple[int, ...]) -> IndexArray:
+    """First row and column of blocks of each tile that is looked at: all, or rows of tiles spread over a large frame, (T, 2)."""
+    rows, columns = (np.arange(0, count, _SIDE) for count in blocks)
+    every = max(blocks[0] * blocks[1] // _BLOCKS, 1)
+    return np.array([(row, column) for row in rows[every // 2 :: every] for column in columns], np.intp)
