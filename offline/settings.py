@@ -112,8 +112,8 @@ class DenoisingSettings(StageSettings):
     asked_by = ("strength",)
     strength: NotNegative = 0.0
     sizes: Annotated[tuple[int, ...], _SIZES] = (4, 12)
-    threshold: Positive = 2.5
-    share: Share = 0.3
+    threshold: Positive = 2.4
+    share: Share = 0.4
     similarity: Positive = 0.65
     radius: Annotated[int, Range(lambda value: 1 <= value <= _FARTHEST, f"1 to {_FARTHEST}")] = 7
 
