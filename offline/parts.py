@@ -9,11 +9,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import STRIP, FloatArray
 from shared.progress import SILENT, Progress
 
 from .kernels.pieces import in_pieces
 
+_ROWS = STRIP // 4  # of a part, at most: what follows joins parts in new memory
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No photograph changes."""
 
@@ -135,7 +136,8 @@ def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progr
     """The picture after one stage, part by part."""
     for part, rows in windows(parts, height, stage.look):
         progress.part(stage.name)
-        yield stage(part, rows)
+        shown = stage(part, rows)
+        yield from (shown.rows(first, min(first + _ROWS, shown.end)) for first in range(shown.first, shown.end, _ROWS))
 
 
 def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:

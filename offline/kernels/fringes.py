@@ -8,7 +8,7 @@ import numpy as np
 
 from .arrays import Area, Bools2, Doubles1, Doubles2, Doubles3, Doubles4, Floats1, Floats2, Floats3, Ints2, Pair, Scalar, Single
 from .compile import Pieces, kernel, parallel_kernel
-from .interpolation import Taps, cubic_taps
+from .interpolation import Taps, cubic_taps, interpolated
 
 _NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 MOST = np.float32(2)
@@ -155,13 +155,19 @@ def without_fringes(
     usable: blocks that measure light, (rows, columns); the samples of the others stay.
     out: (rows, columns, S), written.
     """
-    (places, period), lights = grid, np.empty((colour.shape[2], 3), np.float32)
+    (places, period), (gamma, shifts, shape) = grid, lens
     for row in range(pieces[0], pieces[1]):
         for column in range(samples.shape[1]):
             for site in range(len(places)):
                 y, x = places[site, 0] + row * period, places[site, 1] + column * period
-                whole = np.float32(_look(luminance, y, x, lens, colour[row, column], lights))
-                own, factor = lights[places[site, 2], 0], _ONE
+                off_y, off_x = _outward(y, shape[0], shape), _outward(x, shape[1], shape)
+                whole, own, factor = np.float32(0), np.float32(0), _ONE
+                for channel in range(len(gamma)):
+                    down, across = shifts[channel, 0] + shifts[channel, 2] * off_y, shifts[channel, 1] + shifts[channel, 2] * off_x
+                    light = np.float32(interpolated(luminance, y + down, x + across))
+                    whole += np.float32(gamma[channel]) * colour[row, column, channel] * light
+                    if channel == places[site, 2]:
+                        own = light
                 if usable[row, column] and own > _NONE and whole > _NONE:
                     factor = min(max(whole / own, _ONE / MOST), MOST)
                 out[row, column, site] = samples[row, column, site] * factor

@@ -14,6 +14,7 @@ The samples are corrected to what they would be without it, and colour is estima
 displaced again (`rows.fringes`): the picture shows what was before the sensor. The paper has none of this.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from ..blocks import Sites, curvature
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
 from ..kernels.fringes import Blocks, Grid, fringe_equations, without_fringes
+from ..kernels.pieces import copied
 from ..measured import Fringes
 from ..settings import Switch
 
@@ -59,7 +61,7 @@ def find_fringes(frame: Cleaned, luminance: FloatArray, settings: Switch) -> Fou
     sites, gamma = frame.sites, frame.gamma
     if not settings.used or not _is_even(sites.pattern) or min(sites.shape) < 2:
         return None
-    samples, noise = frame.samples.astype(np.float32), 0.0 if frame.noise is None else frame.noise.sigma(0.0)
+    samples, noise = sites.of(frame.signal), 0.0 if frame.noise is None else frame.noise.sigma(0.0)
     dark = np.float32(max(_DARK * frame.level, 3 * noise))
     light = np.maximum(sites.of(luminance), dark)
     colour = _colour(frame, samples / light)
@@ -82,7 +84,7 @@ def _is_even(pattern: CfaPattern) -> bool:
 
 def registered_samples(frame: Cleaned, luminance: FloatArray, found: FoundFringes) -> Cleaned:
     """The frame with its colour samples as if no channel were displaced; those beside clipped ones stay. luminance: (H, W)."""
-    sites, signal, lens = frame.sites, frame.signal.copy(), (frame.gamma, found.fringes.shifts, frame.mosaic.shape)
+    sites, signal, lens = frame.sites, copied(frame.signal), (frame.gamma, found.fringes.shifts, frame.mosaic.shape)
     samples = sites.of(signal)
     registered = np.empty_like(samples)
     without_fringes(luminance, samples, found.colour, unclipped_blocks(frame), _grid(sites), lens, registered)
@@ -152,7 +154,7 @@ def _believed(found: DoubleArray, prior: DoubleArray, steep: DoubleArray, right:
 
 
 def _tiles(blocks: tuple[int, ...]) -> IndexArray:
-    """First row and column of blocks of each tile that is looked at: all, or rows of tiles spread over a large frame, (T, 2)."""
-    rows, columns = (np.arange(0, count, _SIDE) for count in blocks)
-    every = max(blocks[0] * blocks[1] // _BLOCKS, 1)
-    return np.array([(row, column) for row in rows[every // 2 :: every] for column in columns], np.intp)
+    """First row and column of blocks of each tile that is looked at: all, or some that are spread over a large frame, (T, 2)."""
+    every = max(math.isqrt(blocks[0] * blocks[1] // _BLOCKS), 1)
+    rows, columns = (np.arange(0, count, _SIDE)[every // 2 :: every] for count in blocks)
+    return np.array([(row, column) for row in rows for column in columns], np.intp)
