@@ -14,7 +14,7 @@ from shared.progress import SILENT, Progress
 
 from .kernels.pieces import in_pieces
 
-_ROWS = STRIP // 4  # of a part, at most: what follows joins parts in new memory
+_ROWS = STRIP // 4  # of a part between two stages
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No photograph changes."""
 
@@ -127,17 +127,23 @@ def finish(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progr
     >>> [float(part.luminance.max()) for part in finish(parts, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """
-    for stage in stages:
-        parts = applied(parts, stage, height, progress)
+    for number, stage in enumerate(stages):
+        parts = applied(_short(parts) if number else parts, stage, height, progress)
     return parts
+
+
+def _short(parts: Iterable[Part]) -> Iterator[Part]:
+    """The parts, tall ones in pieces: a stage joins those that it looks at in new memory."""
+    for part in parts:
+        for first in range(part.first, part.end, _ROWS):
+            yield part.rows(first, min(first + _ROWS, part.end))
 
 
 def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
     """The picture after one stage, part by part."""
     for part, rows in windows(parts, height, stage.look):
         progress.part(stage.name)
-        shown = stage(part, rows)
-        yield from (shown.rows(first, min(first + _ROWS, shown.end)) for first in range(shown.first, shown.end, _ROWS))
+        yield stage(part, rows)
 
 
 def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:

@@ -175,7 +175,7 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> bands = list(render_bands(grey, PAPER))
     >>> len(bands), sum(len(band) for band in bands)
-    (2, 300)
+    (6, 300)
     """
     yield from colour_bands(measure(mosaic, settings, progress), settings, progress)
 

@@ -40,7 +40,8 @@ OF_STEPS = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominan
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
 _FILLED = replace(BEST.luminance, learned=False)
-_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=replace(BEST.chromaticity, mismatch=0.0))
+_CHROMATICITY = replace(BEST.chromaticity, mismatch=0.0)
+_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=_CHROMATICITY, fringes=BEST.fringes)
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),
@@ -51,6 +52,7 @@ STEPS = {
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
     "`best`, no networks": PRESETS["unlearned"],
     "`best`, no networks, no correction by the samples": _UNCORRECTED,
+    "`best`, fringes not measured": replace(BEST, fringes=PAPER.fringes),
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
     "`best`, with refinement": replace(BEST, refinement=PAPER.refinement),
