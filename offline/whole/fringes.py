@@ -32,7 +32,7 @@ from ..settings import Switch
 
 _APART = 2  # panchromatic pixels between blocks: with one, small print has fringes that are none
 # Chosen on 111 photographs to learn from, as they are and with displaced channels; half and twice of each find nearly as many.
-_BLOCKS, _SIDE = 1 << 14, 8  # blocks that are looked at in a large frame, at least; and along the side of a tile
+_BLOCKS, _SIDE = 1 << 14, 8  # blocks that are looked at in a large frame, about; and along the side of a tile
 _SHIFT, _OUTWARD = 0.25, 0.5  # pixels: displacements that are expected, down or across, and outwards in a corner
 _FLAT = 0.1  # share by which luminance under a block is expected to be too flat
 _STILL = 0.01  # pixels: by how much all channels together may be displaced, which nothing can tell
@@ -155,6 +155,6 @@ def _believed(found: DoubleArray, prior: DoubleArray, steep: DoubleArray, right:
 
 def _tiles(blocks: tuple[int, ...]) -> IndexArray:
     """First row and column of blocks of each tile that is looked at: all, or some that are spread over a large frame, (T, 2)."""
-    every = max(math.isqrt(blocks[0] * blocks[1] // _BLOCKS), 1)
+    every = max(round(math.sqrt(blocks[0] * blocks[1] / _BLOCKS)), 1)
     rows, columns = (np.arange(0, count, _SIDE)[every // 2 :: every] for count in blocks)
     return np.array([(row, column) for row in rows for column in columns], np.intp)
