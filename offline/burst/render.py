@@ -122,10 +122,8 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     samples = samples.relit(luminance - merged.luminance).where_others(luminance, merged.shares)
     fringes = find_fringes(cleaned, luminance, settings.fringes)
     if fringes is not None:
-        cleaned, samples = (
-            registered_samples(cleaned, luminance, fringes),
-            samples.registered(luminance, fringes, sites, cleaned.gamma),
-        )
+        samples = samples.registered(luminance, fringes, sites, cleaned.gamma)
+        cleaned = registered_samples(cleaned, luminance, fringes)
     sums = samples.block_sums(sites) if len(found.kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)

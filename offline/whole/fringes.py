@@ -150,7 +150,7 @@ def _believed(found: DoubleArray, prior: DoubleArray, steep: DoubleArray, right:
     shifts, apart = found[:-2], covariance[:-2, :-2] + _UNSURE**2 * np.eye(len(found) - 2)
     deviations = np.sqrt(shifts @ np.linalg.solve(apart, shifts))
     share = float(np.interp(deviations, _BELIEVED, (0, 1)))
-    return share * shifts.reshape(-1, 3) if share else None
+    return share * shifts.reshape(-1, 3) if share > 0 else None
 
 
 def _tiles(blocks: tuple[int, ...]) -> IndexArray:
