@@ -25,13 +25,12 @@ from .kernels.mixing import colour
 from .measured import Measured, Stages
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
-from .rows.fringes import Displaced
+from .rows.fringes import faults_of_lens
 from .rows.learned import Learned
 from .rows.lines import OnLines
 from .rows.pinning import Pinning
 from .rows.propagation import Propagation
 from .rows.refinement import Refinement
-from .rows.shading import EvenLight
 from .rows.uncertainty import with_uncertainty
 from .settings import BEST, RenderSettings
 from .sites import block_samples, settle_luminance
@@ -116,15 +115,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
             Learned(network, samples, gamma) if settings.learned.used and (network := network_for(measured.pattern)) else None,
         ]
-    stages += faults_of_lens(measured)
-    return [stage for stage in stages if stage is not None]
-
-
-def faults_of_lens(measured: Measured) -> list[RowStage]:
-    """The last stages: what a lens did to a frame, and the stages before do not see."""
-    fringes, shading = measured.fringes, measured.calibration.shading
-    stages: list[RowStage] = [] if fringes is None else [Displaced(fringes, measured.gamma)]
-    return stages if shading is None else [*stages, EvenLight(shading, measured.shape)]
+    return [stage for stage in [*stages, *faults_of_lens(measured)] if stage is not None]
 
 
 def render(

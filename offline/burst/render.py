@@ -22,7 +22,8 @@ from ..cleaned import Cleaned
 from ..kernels.merging import merge
 from ..measured import Measured
 from ..parts import RowStage
-from ..render import Others, colour_bands, coloured, faults_of_lens, row_stages, settled
+from ..render import Others, colour_bands, coloured, row_stages, settled
+from ..rows.fringes import faults_of_lens
 from ..rows.uncertainty import with_uncertainty
 from ..settings import BEST, RenderSettings
 from ..units import own_unit

@@ -7,8 +7,9 @@ import numpy as np
 from shared.arrays import FloatArray
 
 from ..kernels.fringes import with_fringes
-from ..measured import Fringes
+from ..measured import Fringes, Measured
 from ..parts import Look, Part, RowStage
+from .shading import EvenLight
 
 
 @dataclass(eq=False)
@@ -39,3 +40,10 @@ class Displaced(RowStage):
         luminance = np.ascontiguousarray(part.luminance)
         with_fringes(luminance, chromaticity, rows[0] - part.first, down, across, self.gamma, displaced)
         return replace(shown, chromaticity=displaced)
+
+
+def faults_of_lens(measured: Measured) -> list[RowStage]:
+    """The last stages: what a lens did to a frame, and the stages before do not see."""
+    fringes, shading = measured.fringes, measured.calibration.shading
+    stages: list[RowStage] = [] if fringes is None else [Displaced(fringes, measured.gamma)]
+    return stages if shading is None else [*stages, EvenLight(shading, measured.shape)]
