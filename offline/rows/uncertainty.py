@@ -34,7 +34,7 @@ from ..whole.noise import estimate_noise
 # contrast, grain, contrast times correction (standard deviations). Of colour: noise; grain; variance of chromaticity in 7 x 7
 # pixels times squared luminance; squared distance from the colour between the blocks; contrast; root of the first times the third.
 # Contrast is the variance of luminance in 3 x 3 pixels.
-WEIGHTS = ((0.029, 0.46, 0.95, 0.0056, 0.9, 0.66), (0.0081, 0.22, 0.42, 0.56, 0.0046, 0.33))
+WEIGHTS = ((0.025, 0.47, 0.9, 0.0039, 0.9, 0.54), (0.0084, 0.22, 0.14, 0.32, 0.0016, 0.17))
 # An estimate of noise from the shot is this much higher than the noise by chance, or by texture: measured at sigma 0.03.
 _CHANCE = 1.1
 # Frames of a burst lie fractions of a pixel apart, so that luminance gains less from them than their noise does; and they show
