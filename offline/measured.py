@@ -57,10 +57,13 @@ class Fringes:
         """Pixels that hold every displacement."""
         return int(np.ceil(np.abs(self.shifts[:, :2]).max() + np.abs(self.shifts[:, 2]).max()))
 
+    def outward(self, axis: int, places: FloatArray | IndexArray) -> DoubleArray:
+        """How far rows (axis 0) or columns (1) of the frame, (N,), are from its middle, in half diagonals, (N,)."""
+        return (2.0 * places - (self.shape[axis] - 1)) / max(np.hypot(self.shape[0] - 1, self.shape[1] - 1), 1)
+
     def seen(self, axis: int, places: FloatArray | IndexArray) -> DoubleArray:
         """Rows (axis 0) or columns (1) of the frame, (N,), as each channel sees them, (C, N)."""
-        outward = (2.0 * places - (self.shape[axis] - 1)) / max(np.hypot(self.shape[0] - 1, self.shape[1] - 1), 1)
-        return places + self.shifts[:, axis, None] + self.shifts[:, 2, None] * outward
+        return places + self.shifts[:, axis, None] + self.shifts[:, 2, None] * self.outward(axis, places)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ MOST = np.float32(2)
 # Chosen: half and twice of it cost photographs 0.01 dB.
 _FAINT = np.float32(0.01)
 
-Lens = tuple[Doubles1, Doubles2, Pair]
-"""Weights of Eq. 7, (C,); displacement of each channel, (C, 3); rows and columns of the frame."""
+Lens = tuple[Doubles1, Doubles2, Doubles2]
+"""Weights of Eq. 7, (C,); where each channel sees each row of the frame, (C, H), and each column, (C, W)."""
 Blocks = tuple[Floats3, Floats3, Floats3, Bools2]
 """Samples, (rows, columns, S); about the chromaticity, (rows, columns, C); variance of the samples over luminance, (rows, columns,
 S), > 0; and whether they measure light, (rows, columns)."""
@@ -29,13 +29,14 @@ Equations = tuple[Doubles3, Doubles3, Doubles2]
 P, P), by how much `right` changes with the unknowns."""
 
 
-@parallel_kernel(pieces=lambda luminance, blocks, grid, lens, fill, tiles, *_: len(tiles))
+@parallel_kernel(pieces=lambda luminance, blocks, grid, lens, outward, fill, tiles, *_: len(tiles))
 def fringe_equations(
     pieces: Pieces,
     luminance: Floats2,
     blocks: Blocks,
     grid: Grid,
     lens: Lens,
+    outward: tuple[Doubles1, Doubles1],
     fill: Doubles1,
     tiles: Ints2,
     side: int,
@@ -49,6 +50,7 @@ def fringe_equations(
     and across.
 
     luminance: (H, W), scene units. lens, fill: the unknowns so far; fill: (2,).
+    outward: how far rows, (H,), and columns, (W,), are from the middle of the frame, in half diagonals.
     tiles: (T, 2), first row and column of blocks of each tile. side: its blocks down and across.
     least: luminance that dark pixels are taken to have, > 0.
     scale: standard deviations from which on a difference counts less.
@@ -60,7 +62,7 @@ def fringe_equations(
         top, left = tiles[tile, 0], tiles[tile, 1]
         down, across = min(side + 1, rows - top), min(side + 1, columns - left)
         seen, known = np.empty((down, across, sites)), np.empty((down, across, sites, unknowns))
-        _chromaticities(luminance, blocks, grid, lens, fill, (top, left), least, seen, known)
+        _chromaticities(luminance, blocks, grid, lens, outward, fill, (top, left), least, seen, known)
         normal[tile], steep[tile], right[tile] = 0.0, 0.0, 0.0
         for row in range(min(side, down)):
             for column in range(min(side, across)):
@@ -79,6 +81,7 @@ def _chromaticities(
     blocks: Blocks,
     grid: Grid,
     lens: Lens,
+    outward: tuple[Doubles1, Doubles1],
     fill: Doubles1,
     first: Pair,
     least: Single,
@@ -86,9 +89,9 @@ def _chromaticities(
     known: Doubles4,
 ) -> None:
     """What each sample says its chromaticity is, and how much of that each unknown explains. first: row and column of blocks."""
-    (samples, colour, _, _), (places, period), (gamma, _, shape) = blocks, grid, lens
+    (samples, colour, _, _), (places, period), gamma = blocks, grid, lens[0]
     (rows, columns, sites), count = seen.shape, len(gamma)
-    lights, off, middle = np.empty((count, 3), np.float32), np.empty(2), np.zeros(2)
+    lights, middle = np.empty((count, 3), np.float32), np.zeros(2)
     for site in range(sites):
         for axis in range(2):
             middle[axis] += places[site, axis] / sites
@@ -101,13 +104,11 @@ def _chromaticities(
                 whole = max(_look(luminance, y, x, lens, shares, lights), least)
                 own = max(np.float64(lights[channel, 0]), least)
                 found = samples[first[0] + row, first[1] + column, site] * whole / (own * max(luminance[y, x], least))
-                off[0], off[1] = _outward(y, shape[0], shape), _outward(x, shape[1], shape)
                 for each in range(count):
                     part = shares[channel] * ((1 / own if each == channel else 0.0) - gamma[each] * shares[each] / whole)
-                    explains[3 * each + 2] = 0.0
-                    for axis in range(2):
-                        explains[3 * each + axis] = part * lights[each, 1 + axis]
-                        explains[3 * each + 2] += part * lights[each, 1 + axis] * off[axis]
+                    down, across = part * lights[each, 1], part * lights[each, 2]
+                    explains[3 * each], explains[3 * each + 1] = down, across
+                    explains[3 * each + 2] = down * outward[0][y] + across * outward[1][x]
                 for axis in range(2):
                     flat = 2 * (places[site, axis] - middle[axis]) * shares[channel] * lights[channel, 1 + axis] / own
                     explains[3 * count + axis] = flat
@@ -155,16 +156,14 @@ def without_fringes(
     usable: blocks that measure light, (rows, columns); the samples of the others stay.
     out: (rows, columns, S), written.
     """
-    (places, period), (gamma, shifts, shape) = grid, lens
+    (places, period), (gamma, down, across) = grid, lens
     for row in range(pieces[0], pieces[1]):
         for column in range(samples.shape[1]):
             for site in range(len(places)):
                 y, x = places[site, 0] + row * period, places[site, 1] + column * period
-                off_y, off_x = _outward(y, shape[0], shape), _outward(x, shape[1], shape)
                 whole, own, factor = np.float32(0), np.float32(0), _ONE
                 for channel in range(len(gamma)):
-                    down, across = shifts[channel, 0] + shifts[channel, 2] * off_y, shifts[channel, 1] + shifts[channel, 2] * off_x
-                    light = np.float32(interpolated(luminance, y + down, x + across))
+                    light = np.float32(interpolated(luminance, down[channel, y], across[channel, x]))
                     whole += np.float32(gamma[channel]) * colour[row, column, channel] * light
                     if channel == places[site, 2]:
                         own = light
@@ -235,19 +234,11 @@ def _between(place: float, weights: Floats1) -> int:
 @kernel
 def _look(luminance: Floats2, y: int, x: int, lens: Lens, shares: Floats1, lights: Floats2) -> Scalar:
     """What each channel sees of luminance at a pixel, and its slopes there, in `lights`; returns the sum by their shares."""
-    total, (gamma, shifts, shape) = 0.0, lens
-    off_y, off_x = _outward(y, shape[0], shape), _outward(x, shape[1], shape)
+    total, (gamma, down, across) = 0.0, lens
     for channel in range(len(gamma)):
-        down, across = shifts[channel, 0] + shifts[channel, 2] * off_y, shifts[channel, 1] + shifts[channel, 2] * off_x
-        _interpolate(luminance, y + down, x + across, lights[channel])
+        _interpolate(luminance, down[channel, y], across[channel, x], lights[channel])
         total += gamma[channel] * shares[channel] * lights[channel, 0]
     return total
-
-
-@kernel
-def _outward(place: int, size: int, shape: Pair) -> Scalar:
-    """How far a row or a column is from the middle, in half diagonals."""
-    return (2 * place - (size - 1)) / max(np.hypot(np.float64(shape[0] - 1), np.float64(shape[1] - 1)), 1.0)
 
 
 @kernel

@@ -15,6 +15,7 @@ displaced again (`rows.fringes`): the picture shows what was before the sensor. 
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from shared.pattern import CfaPattern
 from ..blocks import Sites, curvature
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
-from ..kernels.fringes import Blocks, Grid, fringe_equations, without_fringes
+from ..kernels.fringes import Blocks, Grid, Lens, fringe_equations, without_fringes
 from ..kernels.pieces import copied
 from ..measured import Fringes
 from ..settings import Switch
@@ -84,7 +85,7 @@ def _is_even(pattern: CfaPattern) -> bool:
 
 def registered_samples(frame: Cleaned, luminance: FloatArray, found: FoundFringes) -> Cleaned:
     """The frame with its colour samples as if no channel were displaced; those beside clipped ones stay. luminance: (H, W)."""
-    sites, signal, lens = frame.sites, copied(frame.signal), (frame.gamma, found.fringes.shifts, frame.mosaic.shape)
+    sites, signal, lens = frame.sites, copied(frame.signal), _lens(frame.gamma, found.fringes)
     samples = sites.of(signal)
     registered = np.empty_like(samples)
     without_fringes(luminance, samples, found.colour, unclipped_blocks(frame), _grid(sites), lens, registered)
@@ -94,9 +95,13 @@ def registered_samples(frame: Cleaned, luminance: FloatArray, found: FoundFringe
 
 
 def _grid(sites: Sites) -> Grid:
-    rows, columns = sites.grid.whole_rows, sites.grid.whole_columns
-    places = [(rows[0] + row, columns[0] + column, channel) for row, column, channel in sites.pattern.sites]
-    return np.array(places, np.intp), sites.grid.period
+    rows, columns = (every[0, 0] for every in sites.pixels)
+    return np.stack([rows, columns, sites.channels], axis=1), sites.grid.period
+
+
+def _lens(gamma: DoubleArray, fringes: Fringes) -> Lens:
+    down, across = (fringes.seen(axis, np.arange(size)) for axis, size in enumerate(fringes.shape))
+    return gamma, down, across
 
 
 def _colour(frame: Cleaned, shares: FloatArray) -> FloatArray:
@@ -125,9 +130,11 @@ def _measured(luminance: FloatArray, blocks: Blocks, grid: Grid, gamma: DoubleAr
     prior[:-2, :-2] += together.T @ together
     normal, steep, right = (np.zeros((len(tiles), *shape)) for shape in ((size, size), (size, size), (size,)))
     found = np.zeros(size)
+    fringes = Fringes(np.zeros((count, 3)), (luminance.shape[0], luminance.shape[1]))
+    outward = fringes.outward(0, np.arange(fringes.shape[0])), fringes.outward(1, np.arange(fringes.shape[1]))
     for _ in range(_ROUNDS):
-        lens = gamma, found[:-2].reshape(count, 3), luminance.shape
-        fringe_equations(luminance, blocks, grid, lens, found[-2:], tiles, _SIDE, dark, _SCALE, (normal, steep, right))
+        lens = _lens(gamma, replace(fringes, shifts=found[:-2].reshape(count, 3)))
+        fringe_equations(luminance, blocks, grid, lens, outward, found[-2:], tiles, _SIDE, dark, _SCALE, (normal, steep, right))
         step = np.linalg.solve(normal.sum(axis=0) + prior, right.sum(axis=0) - prior @ found)
         found = found + step
         if np.abs(step).max() < _STEP:
