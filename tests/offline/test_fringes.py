@@ -95,8 +95,12 @@ def test_a_picture_with_fringes_equals_the_reference_in_all_parts(pattern: CfaPa
         (CASES["scattered"][0], 0.01),
     ],
 )
-def test_what_is_found_equals_the_reference(pattern: CfaPattern, sigma: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("doubted", ["_BELIEVED", "_GAINS"])
+def test_what_is_found_equals_the_reference(
+    pattern: CfaPattern, sigma: float | None, doubted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(constants, "_SIDE", 3)  # as many tiles as a decision needs, of few blocks
+    monkeypatch.setattr(constants, doubted, (0.0, 20.0))  # believed in part
     shape = 13 * pattern.period + 3, 16 * pattern.period + 1
     gamma, noise = gamma_of(pattern), np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
     scene = np.repeat(seen_through(textured(shape), Fringes(SHIFTS[:3], shape)), 2, axis=2)[..., : len(gamma)].astype(np.float64)

@@ -84,6 +84,7 @@ def find(
         together[axis : 3 * count : 3] = np.array(gamma) * colour.mean(axis=(0, 1)) / constants._STILL
         prior += np.outer(together, together)
     unknowns = np.zeros(len(expected))
+    without = _equations(signal, luminance, pattern, gamma, noise, colour, unknowns, dark)
     for _ in range(constants._ROUNDS):
         tiles = _equations(signal, luminance, pattern, gamma, noise, colour, unknowns, dark)
         normal, right = sum(tile[0] for tile in tiles) + prior, sum(tile[2] for tile in tiles) - prior @ unknowns
@@ -98,7 +99,10 @@ def find(
     covariance = len(tiles) / (len(tiles) - len(expected)) * sum(np.outer(change, change) for change in changes)
     covariance = covariance + np.linalg.inv(whole) @ prior @ np.linalg.inv(whole)
     shifts, apart = unknowns[:-2], covariance[:-2, :-2] + constants._UNSURE**2 * np.eye(3 * count)
-    share = np.interp(math.sqrt(shifts @ np.linalg.inv(apart) @ shifts), constants._BELIEVED, (0, 1))
+    gains = [right[:-2] @ shifts - shifts @ steep[:-2, :-2] @ shifts / 2 for _, steep, right in without]
+    gained = sum(gains) / math.sqrt(sum(gain**2 for gain in gains))
+    far = math.sqrt(shifts @ np.linalg.inv(apart) @ shifts)
+    share = min(np.interp(far, constants._BELIEVED, (0, 1)), np.interp(gained, constants._GAINS, (0, 1)))
     return share * shifts.reshape(-1, 3) if share else None
 
 
