@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from offline import SolverLog
 from offline.rows.affinity import solve_affinities
 from offline.settings import AffinitySettings
 from shared import CfaPattern
@@ -108,6 +109,16 @@ def test_too_few_iterations_are_an_error_that_says_how_far_it_came(iterations: i
     pattern, shape = CASES["odd"]
     with pytest.raises(ConvergenceError, match=rf"relative residual of .* after {iterations} iterations, short of 1\.0e-03"):
         solve(light_of(pattern, shape), pattern, AffinitySettings(iterations=iterations))
+
+
+def test_blocks_that_differ_from_even_light_by_rounding_take_long_and_converge() -> None:
+    """Such a step around every block is the strongest edge there is, and nearly cuts all light off from the blocks."""
+    pattern, shape = CfaPattern.bayer(13), (400, 430)
+    light = np.where(pattern.panchromatic_mask(shape), 2.4, 2.4 * (1 - 3e-7)).astype(np.float32)
+    log = SolverLog()
+    fields = solve_affinities(light, pattern, PAPER, progress=log)
+    assert log.solvers["affinity"].iterations > 500
+    assert_close(fields.sum(axis=(0, 1)), np.ones(fields.shape[2:]), SUM)
 
 
 @pytest.mark.parametrize("period", [3, 6, 16])
