@@ -53,6 +53,7 @@ _CONFIRMED = 3  # power of the share that they confirm; with 2, white print on r
 _LEFT = 0.2  # share of the noise that estimated blocks still have; with 0.1, white print on black has a fifth more tint
 _PRINT = 20.0  # mean square of stroke errors around, in variances of noise, that is half print; with 5, a photograph loses 0.3 dB
 _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black print has twice the tint
+_BEYOND = 3.0  # standard deviations by which a channel may be brighter than luminance; a photograph of stars gains 0.6 dB
 _RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples: 3.26 are expected (0.2)
 _DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line (0.0)
 _TINY = 1e-20  # keeps quotients finite
@@ -74,7 +75,7 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     light, seen = (_means(sites, plane) for plane in (luminance, frame.signal))
     seen *= gamma
     mean = np.maximum(light.mean(axis=0), np.float32(_DARK * frame.level))
-    strokes, noise = _errors(frame, mean)
+    strokes, noise = _errors(frame, light, seen, mean)
     unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
     found = ColourLines(np.empty_like(seen), np.empty_like(seen), np.empty_like(mean))
     for rows in strips(len(mean), _STRIP):  # for memory
@@ -134,20 +135,26 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.moveaxis(sites.means(sites.of(plane)), 2, 0), np.float32)
 
 
-def _errors(frame: Cleaned, light: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Variances of what a block shows of a channel, float32 (rows, columns): what strokes under it cause, and noise."""
+def _errors(frame: Cleaned, light: FloatArray, seen: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Variances of what a block shows of a channel, float32 (rows, columns): what strokes under it cause, and noise.
+
+    light, seen: as in `_fitted`. mean: luminance, (rows, columns).
+    """
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     span = (around.highest - around.lowest).astype(np.float32)
     del around
     variance = np.zeros_like(span)
     if noise is not None:
-        span = np.maximum(span - np.float32(_RANGE) * np.sqrt(noise.variance(light)), 0)
+        span = np.maximum(span - np.float32(_RANGE) * np.sqrt(noise.variance(mean)), 0)
         each = noise.variance(sites.of(frame.signal), channels) * gamma[channels] ** 2
         variance = (each / np.bincount(channels)[channels] ** 2).sum(axis=2).astype(np.float32) / np.float32(len(gamma))
     # With six sites of each channel, as in Kaizu's tile, 2.4 dB are lost without noise if their errors count as those of two.
     share = _STROKES / max(np.bincount(channels).min() / _NEIGHBOURS, 1)
-    return (np.float32(share / len(gamma)) * span) ** 2, variance
+    strokes = (np.float32(share) * span) ** 2  # of luminance
+    # A channel that is brighter than all light there shows by how much that is wrong, at least: a star that meets no other pixel.
+    beyond = np.maximum((seen - light).max(axis=0) - np.float32(_BEYOND) * np.sqrt(strokes + variance), 0)
+    return strokes / np.float32(len(gamma) ** 2) + beyond**2, variance
 
 
 def _fitted(

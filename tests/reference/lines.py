@@ -44,6 +44,7 @@ def colour_lines(
                             for each in samples.reshape(-1, len(names))])  # fmt: skip
         variance = (of_site @ (means**2).T * weights**2).mean(axis=1)
     strokes = (constants._STROKES * span / count / max(members.sum(axis=1).min() / constants._NEIGHBOURS, 1)) ** 2
+    strokes += np.maximum((seen - light).max(axis=1) - constants._BEYOND * np.sqrt(count**2 * strokes + variance), 0) ** 2
     even = strokes + (EVEN * mean) ** 2
     rough = strokes + variance + (constants._LINEAR * mean / count) ** 2 + (constants._FAINT * level) ** 2
 
