@@ -44,9 +44,11 @@ _SCALE = 0.5  # standard deviations from which on a difference counts less
 _LEAST, _DARK = 0.02 / 3, 1e-3  # chromaticity; luminance, a share of the mean one
 _ROUNDS, _STEP = 10, 2e-3  # the most rounds, and pixels of the last one
 # Pixels that no agreement excludes; in these and the deviations between tiles, how large a displacement has to be to be believed,
-# and how large, to be believed wholly; and the same of the gain, in deviations between tiles. Chosen on 485 photographs to learn
-# from, with three noises each: 8 of these 1455 pictures lose more than 0.1 dB, and at most 0.3; without the gain 24, and up to 3.4.
-_UNSURE, _BELIEVED, _GAINS = 0.05, (3.0, 4.5), (2.5, 4.0)
+# and how large, to be believed wholly; and the same of the gain, as a share of what it would be if all tiles gained the same.
+# Chosen on 485 photographs to learn from, with three noises each, of 416 and of 222 pixels: 5 and 15 of these 1455 pictures lose
+# more than 0.1 dB; by the displacement alone 27 and 25 did, up to 3.4 dB, and all together gained 0.8 and 0.5 times as much.
+_UNSURE, _BELIEVED, _GAINS = 0.05, (3.0, 4.5), (0.28, 0.5)
+_MANY = 81  # tiles; with more, a smaller share is as sure
 
 Slopes = tuple[DoubleArray, DoubleArray]
 """`steep`, (T, P, P), and `right`, (T, P), of each tile; see `kernels.fringes.Equations`."""
@@ -166,7 +168,7 @@ def _believed(found: DoubleArray, prior: DoubleArray, without: Slopes, last: Slo
     deviations = np.sqrt(shifts @ np.linalg.solve(apart, shifts))
     # From the equations without displacement: the noise of luminance, which a displaced channel mixes otherwise, is not in these.
     gains = without[1][:, :-2] @ shifts - np.einsum("i,tij,j->t", shifts, without[0][:, :-2, :-2], shifts) / 2
-    gained = gains.sum() / max(np.linalg.norm(gains), np.finfo(float).tiny)
+    gained = gains.sum() / max(np.linalg.norm(gains), np.finfo(float).tiny) / math.sqrt(min(tiles, _MANY))
     share = min(float(np.interp(deviations, _BELIEVED, (0, 1))), float(np.interp(gained, _GAINS, (0, 1))))
     return share * shifts.reshape(-1, 3) if share > 0 else None
 

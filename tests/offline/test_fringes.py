@@ -87,20 +87,20 @@ def test_a_picture_with_fringes_equals_the_reference_in_all_parts(pattern: CfaPa
 
 
 @pytest.mark.parametrize(
-    ("pattern", "sigma"),
+    ("pattern", "sigma", "doubted", "believed"),
     [
-        (CASES["odd"][0], 0.01),
-        (CASES["one row"][0], None),
-        (CfaPattern.with_block(("RGX", "YGB"), 6, (2, 3)), None),
-        (CASES["scattered"][0], 0.01),
+        (CASES["odd"][0], 0.01, "_BELIEVED", 20.0),
+        (CASES["one row"][0], None, "_BELIEVED", 20.0),
+        (CfaPattern.with_block(("RGX", "YGB"), 6, (2, 3)), None, "_GAINS", 4.0),
+        (CASES["scattered"][0], 0.01, "_GAINS", 4.0),
     ],
 )
-@pytest.mark.parametrize("doubted", ["_BELIEVED", "_GAINS"])
 def test_what_is_found_equals_the_reference(
-    pattern: CfaPattern, sigma: float | None, doubted: str, monkeypatch: pytest.MonkeyPatch
+    pattern: CfaPattern, sigma: float | None, doubted: str, believed: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(constants, "_SIDE", 3)  # as many tiles as a decision needs, of few blocks
-    monkeypatch.setattr(constants, doubted, (0.0, 20.0))  # believed in part
+    monkeypatch.setattr(constants, doubted, (0.0, believed))  # believed in part
+    monkeypatch.setattr(constants, "_MANY", 10)
     shape = 13 * pattern.period + 3, 16 * pattern.period + 1
     gamma, noise = gamma_of(pattern), np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
     scene = np.repeat(seen_through(textured(shape), Fringes(SHIFTS[:3], shape)), 2, axis=2)[..., : len(gamma)].astype(np.float64)

@@ -100,7 +100,7 @@ def find(
     covariance = covariance + np.linalg.inv(whole) @ prior @ np.linalg.inv(whole)
     shifts, apart = unknowns[:-2], covariance[:-2, :-2] + constants._UNSURE**2 * np.eye(3 * count)
     gains = [right[:-2] @ shifts - shifts @ steep[:-2, :-2] @ shifts / 2 for _, steep, right in without]
-    gained = sum(gains) / math.sqrt(sum(gain**2 for gain in gains))
+    gained = sum(gains) / math.sqrt(sum(gain**2 for gain in gains) * min(len(gains), constants._MANY))
     far = math.sqrt(shifts @ np.linalg.inv(apart) @ shifts)
     share = min(np.interp(far, constants._BELIEVED, (0, 1)), np.interp(gained, constants._GAINS, (0, 1)))
     return share * shifts.reshape(-1, 3) if share else None
