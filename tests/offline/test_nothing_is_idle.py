@@ -83,9 +83,9 @@ def damaged_shot(sigma: float | None) -> Mosaic:
 
 
 def displaced_shot(sigma: float | None) -> Mosaic:
-    """A shot whose red lies a quarter of a pixel lower, and in which other channels do not."""
+    """A shot whose red lies 0.4 pixels lower and to the right, and other channels do not."""
     scene = materials((150, 180), 3)
-    scene[..., 0] = shift(scene[..., 0], 0.25, mode="mirror")
+    scene[..., 0] = shift(scene[..., 0], 0.4, mode="mirror")
     pattern = CfaPattern.bayer(4, origin=(1, 2))
     return observe(scene, pattern, gamma_of(pattern), sigma, np.random.default_rng(1).normal(scale=sigma or 0, size=(150, 180)))
 
