@@ -13,6 +13,7 @@ _FEWEST = 3  # neighbours that it takes to judge a sample: a corner of the frame
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good; chosen
 _MOST = (2 * _WIDE + 1) ** 2
 _STRIP = 64  # rows of a piece of work; chosen for speed
+_SEEN = 1 / 3  # share of the light that a channel sees, about
 _NONE, _INFINITE = np.float32(0), np.float32(np.inf)
 _FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
@@ -35,7 +36,9 @@ def find_outliers(
     A sample is marked if it lies outside the range of its 3 x 3 neighbours by more than contrast x (range of its 5 x 5 neighbours)
     + deviations x noise sigma + floor. The highest and lowest of the 5 x 5 are left out: there may be a second outlier. A colour
     sample times its gamma is a lower bound of luminance. Where that bound exceeds every panchromatic neighbour it counts as a
-    neighbour, so that the end of a thin stroke next to a block is not taken for a defect.
+    neighbour, so that the end of a thin stroke next to a block is not taken for a defect. And where a colour site beside a sample
+    is brighter or darker than usual (`_brightness`), the range of the neighbours ends as much higher or lower: what both see is
+    no defect.
 
     signal: (H, W), scene units.
     gains: (K, K), the pattern from the frame's corner on: gamma at a colour site, 0 at a panchromatic one.
@@ -129,13 +132,40 @@ def _is_outlier(
     low, high, _, _ = _extremes(around, count)
     if low - floor <= value <= high + floor:
         return False
+    noisy = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2)
+    least, most = _brightness(signal, gains, bad, (row, column), noisy, _SEEN * floor)
+    low, high, allowed = min(low, least * low), max(high, most * high), noisy + floor
     beyond = value - high if value > high else low - value
-    allowed = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2) + floor
     if beyond <= allowed:
         return False
     count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
     _, _, low, high = _extremes(around, count)
     return bool(beyond > contrast * (high - low) + allowed)
+
+
+@kernel
+def _brightness(signal: Floats2, gains: Floats2, bad: Bools2, place: Pair, noisy: float, floor: float) -> tuple[float, float]:
+    """How bright the good colour sites beside a sample are against what they usually are: the least share of it, and the most.
+
+    The first is 1 or less, the second 1 or more. Usual is the mean of the same site in the tiles above, below, left and right.
+    noisy, floor: luminance, of which the first may be noise, and the second makes what is black no brighter than nothing.
+    """
+    (row, column), period, least, most = place, len(gains), 1.0, 1.0
+    for y in range(max(row - _NEAR, 0), min(row + _NEAR + 1, signal.shape[0])):
+        for x in range(max(column - _NEAR, 0), min(column + _NEAR + 1, signal.shape[1])):
+            gain = gains[y % period, x % period]
+            if gain > 0 and not bad[y, x]:
+                total, count = 0.0, 0
+                for down, across in ((-period, 0), (period, 0), (0, -period), (0, period)):
+                    i, j = y + down, x + across
+                    if 0 <= i < signal.shape[0] and 0 <= j < signal.shape[1] and not bad[i, j]:
+                        total += signal[i, j]
+                        count += 1
+                if count:
+                    seen, usual = gain * signal[y, x], max(gain * total / count, 0.0) + floor
+                    least = min(least, (max(seen + noisy, 0.0) + floor) / usual)
+                    most = max(most, (max(seen - noisy, 0.0) + floor) / usual)
+    return least, most
 
 
 @kernel

@@ -130,3 +130,18 @@ def test_small_bright_things_stay() -> None:
     np.fill_diagonal(light[25:45, 2:22], 0.9)
     mosaic = photographed(np.repeat(light[..., None], 3, axis=2).astype(np.float32), 0.0)
     assert mend(mosaic, SETTINGS) is mosaic
+
+
+@pytest.mark.parametrize(("around", "thing"), [(0.8, 0.06), (0.1, 0.8)])
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+def test_what_a_colour_site_beside_it_sees_as_well_stays(around: float, thing: float, sigma: float) -> None:
+    """The dot of a small i, and a star: two pixels, of which one is panchromatic."""
+    down, across, _ = CfaPattern.bayer().sites[0]
+    row, column = 23 + down, 30 + across  # above a colour site
+    scene = np.full((48, 60, 3), around, np.float32)
+    scene[row : row + 2, column] = thing
+    mosaic = photographed(scene, sigma)
+    assert mend(mosaic, SETTINGS) is mosaic
+    scene[row + 1, column] = around
+    alone = photographed(scene, sigma)
+    assert np.argwhere(mend(alone, SETTINGS).signal != alone.signal).tolist() == [[row, column]]

@@ -34,10 +34,37 @@ def bounds(
     said = neighbours(signal, pattern, bad, row, column, reach)
     brightest = max(said, default=-math.inf)
     for y, x in square(row, column, reach):
-        if 0 <= y < bad.shape[0] and 0 <= x < bad.shape[1] and not bad[y, x] and letter(pattern, y, x) != "W":
+        if _shown(pattern, bad, y, x):
             least = gamma[pattern.channels.index(letter(pattern, y, x))] * float(signal[y, x])
             said += [least] if least > brightest else []
     return sorted(said)
+
+
+def brightness(
+    signal: FloatArray,
+    pattern: CfaPattern,
+    bad: BoolArray,
+    gamma: tuple[float, ...],
+    place: tuple[int, int],
+    noisy: float,
+    floor: float,
+) -> tuple[float, float]:
+    """By how much colour sites beside a place are darker, and brighter, than the same site of the tiles around, beyond noise."""
+    shares, period = [1.0], pattern.period
+    for y, x in square(*place, 1):
+        others = [(y - period, x), (y + period, x), (y, x - period), (y, x + period)]
+        usual = [float(signal[each]) for each in others if _shown(pattern, bad, *each)]
+        if _shown(pattern, bad, y, x) and usual:
+            gain = gamma[pattern.channels.index(letter(pattern, y, x))]
+            whole = max(gain * sum(usual) / len(usual), 0.0) + floor
+            shares += [(max(gain * float(signal[y, x]) + chance, 0.0) + floor) / whole for chance in (noisy, -noisy)]
+    return min(shares[:1] + shares[1::2]), max(shares[:1] + shares[2::2])
+
+
+def _shown(pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> bool:
+    """Whether a place is inside the frame, a colour site, and not marked bad."""
+    inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
+    return inside and letter(pattern, row, column) != "W" and not bad[row, column]
 
 
 def stands_out(
@@ -57,9 +84,10 @@ def stands_out(
     near, wide = (bounds(signal, pattern, bad, gamma, *place, reach) for reach in (1, 2))
     if len(near) < 3:
         return False
-    beyond = max(float(signal[place]) - near[-1], near[0] - float(signal[place]))
-    sigma = math.sqrt(noise[0] * max(near[-1], 0.0) + noise[1] ** 2)
-    return beyond > contrast * (wide[-2] - wide[1]) + deviations * sigma + floor
+    noisy, value = deviations * math.sqrt(noise[0] * max(near[-1], 0.0) + noise[1] ** 2), float(signal[place])
+    least, most = brightness(signal, pattern, bad, gamma, place, noisy, floor / 3)
+    beyond = max(value - max(near[-1], most * near[-1]), min(near[0], least * near[0]) - value)
+    return beyond > contrast * (wide[-2] - wide[1]) + noisy + floor
 
 
 def replacement(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> float:
