@@ -35,6 +35,7 @@ from ..sites import FILLED
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
 _CLOSE = 2.0  # blocks: that of the blocks whose colour leads a line; with 3, or if led by less, bright places fade in noise
+_BRIGHT = 2.5  # times the light around, at which a line is half believed; with 5, a photograph with a lamp loses 3 dB
 _INK = 1.3  # blocks: that of the blocks which share an ink; with 1.8, the lines of print beside it are mixed in
 _INKS = 0.1  # by which slopes of inks on one paper differ, and of one ink from place to place; with 0.15, black print gains more
 _ROUNDS = 2  # in which blocks are weighted by their distance from the ink of the round before
@@ -110,6 +111,7 @@ def _around(
     # A line follows the noise of the blocks that lead it, and leaves less of it in their samples.
     followed = noise * np.float32((len(seen) - 1) / (4 * np.pi * _CLOSE**2))
     power, common = _apart(apart), np.einsum("iyx,iyx->yx", apart, rest) + followed
+    dim = _believed(_shining(rest, mean, weight), _BRIGHT)
     del rest, apart  # for memory
     # Of estimated blocks pooling has taken the noise off, but for a rest. That does not speak against a line where there is print;
     # in shadows without strokes it may as well be colour.
@@ -123,7 +125,7 @@ def _around(
     unsure = np.float32(_UNSURE / (2 * np.pi**0.5 * _WIDTH)) * np.sqrt(power * total)
     confirmed = np.clip((common + unsure) / (power + np.float32(_TINY)), 0, 1)
     limit = _ESTIMATED * (1 + np.float32(_UNTOLD) * (1 - (told / total) ** 2))
-    share = _believed(chi / total * confirmed**_CONFIRMED, limit)
+    share = _believed(chi / total * confirmed**_CONFIRMED, limit) * dim
     # The fewer the blocks, the better a line suits them: how far it is believed is asked before.
     uncertain = strokes * np.float32(len(seen) ** 2), (noise + departure) / known
     lines = _inked(lines, light, seen, weight, uncertain, _independent(frame.sites))
@@ -216,6 +218,16 @@ def _rest(lines: ColourLines, light: FloatArray, seen: FloatArray) -> FloatArray
     rest = seen - lines.at(light)
     rest -= rest.mean(axis=0)
     return rest
+
+
+def _shining(rest: FloatArray, mean: FloatArray, weight: FloatArray) -> FloatArray:
+    """How many times as bright as those around a block is that is not on its line, (rows, columns); 0 on it.
+
+    The line of a lamp was told by darker places. If the lamp is small, few blocks among many see that it has another colour.
+    rest: see `_rest`. mean, weight: as in `_led`.
+    """
+    chi = _apart(rest) * weight
+    return mean / smoothed(mean, _WIDTH) * (chi / (chi + (len(rest) - 1)))
 
 
 def _inked(

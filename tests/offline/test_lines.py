@@ -208,6 +208,17 @@ def test_stars_do_not_colour_the_sky() -> None:
     assert np.abs(np.subtract(*shares)).max() < 0.35  # 0.65
 
 
+def test_a_small_white_lamp_in_green_light_is_white() -> None:
+    """The line of what is around tells that brighter is greener."""
+    shape = (144, 144)
+    scene = printed(shape, np.array([0.02, 0.03, 0.02]), np.array([0.06, 0.16, 0.08]))
+    scene[69:75, 69:75] = 1.0
+    rgb = render(
+        simulate_additive(scene.astype(np.float32), CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+    ).rgb
+    assert np.abs(rgb[69:75, 69:75] - 1).max() < 0.5  # 0.72
+
+
 def test_what_is_clipped_is_on_no_line() -> None:
     scene = printed((90, 90), np.full(3, 0.06), np.full(3, 0.8))
     scene[:, 60:] = 2.0

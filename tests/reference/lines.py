@@ -95,6 +95,8 @@ def colour_lines(
     informed = around @ ((expected / (expected + (count - 1) * variance)) ** 2)
     limit = constants._ESTIMATED * (1 + constants._UNTOLD * (1 - informed**2))
     share = 1 / (1 + (around @ chi.clip(None, constants._WORST) * confirmed**constants._CONFIRMED / limit) ** 6)
+    aside = apart(rest) / (apart(rest) + (count - 1) * (expected + variance))
+    share /= 1 + (mean / (around @ mean) * aside / constants._BRIGHT) ** 6
     offset, slope = with_inks(
         pattern, blocks[0][0], shape, (light, seen), (offset, slope), (mean, strokes, even + strokes + variance, rough)
     )
