@@ -18,7 +18,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "9"
+BUILDER = "10"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change."""
 
 

@@ -18,8 +18,8 @@ from tests.reference.geometry import mirrored
 FLOOR, STILL = 1e-3, 1e-4  # of luminance
 GAP, GAP_NOISE, MISSED_NOISE, CONTRAST_ERROR = 12.0, 8.0, 2.0, 0.5
 NEAR, CHANNELS = 0.35, 0.4  # of errors at the sites
-LEAST_VARIANCE, PRIOR, POOLING, MISREAD = 1e-6, 0.5, 3e-4, 7e-4  # of chromaticity, from here on
-ALIKE, ALIKE_NOISE, ALIKE_STROKES, STROKES = 0.15, 24.0, 0.13, 12.0
+LEAST_VARIANCE, PRIOR, POOLING, MISREAD = 1e-6, 0.5, 3e-4, 1.4e-3  # of chromaticity, from here on
+ALIKE, ALIKE_NOISE, ALIKE_STROKES, STROKES = 0.13, 24.0, 0.15, 8.0
 CONTRAST, NOISE_WEIGHT, CONTRAST_STROKES, SPREAD = 0.1, 4.0, 0.5, 0.5
 Sample = Callable[[int, int], float]
 
