@@ -226,8 +226,8 @@ def _shining(rest: FloatArray, mean: FloatArray, weight: FloatArray) -> FloatArr
     The line of a lamp was told by darker places. If the lamp is small, few blocks among many see that it has another colour.
     rest: see `_rest`. mean, weight: as in `_led`.
     """
-    chi = _apart(rest) * weight
-    return mean / smoothed(mean, _WIDTH) * (chi / (chi + (len(rest) - 1)))
+    power = _apart(rest)
+    return mean / smoothed(mean, _WIDTH) * (power / (power + (len(rest) - 1) * np.reciprocal(weight) + np.float32(_TINY)))
 
 
 def _inked(
