@@ -10,10 +10,10 @@ from tests.reference.geometry import letter
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
-def good(pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> bool:
-    """Whether a place is inside the frame, panchromatic and not marked bad."""
+def good(pattern: CfaPattern, bad: BoolArray, row: int, column: int, *, panchromatic: bool = True) -> bool:
+    """Whether a place is inside the frame, not marked bad, and panchromatic, or else a colour site."""
     inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
-    return inside and letter(pattern, row, column) == "W" and not bad[row, column]
+    return inside and (letter(pattern, row, column) == "W") == panchromatic and not bad[row, column]
 
 
 def square(row: int, column: int, reach: int) -> list[tuple[int, int]]:
@@ -27,17 +27,20 @@ def neighbours(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int
     return [float(signal[place]) for place in square(row, column, reach) if good(pattern, bad, *place)]
 
 
+def bound(signal: FloatArray, pattern: CfaPattern, gamma: tuple[float, ...], place: tuple[int, int]) -> float:
+    """The least luminance that there can be at a colour site."""
+    return gamma[pattern.channels.index(letter(pattern, *place))] * float(signal[place])
+
+
 def bounds(
     signal: FloatArray, pattern: CfaPattern, bad: BoolArray, gamma: tuple[float, ...], row: int, column: int, reach: int
 ) -> list[float]:
     """Luminance around a place, sorted: good panchromatic samples, and lower bounds from colour samples that exceed them all."""
     said = neighbours(signal, pattern, bad, row, column, reach)
     brightest = max(said, default=-math.inf)
-    for y, x in square(row, column, reach):
-        if _shown(pattern, bad, y, x):
-            least = gamma[pattern.channels.index(letter(pattern, y, x))] * float(signal[y, x])
-            said += [least] if least > brightest else []
-    return sorted(said)
+    sites = [place for place in square(row, column, reach) if good(pattern, bad, *place, panchromatic=False)]
+    least = [bound(signal, pattern, gamma, place) for place in sites]
+    return sorted(said + [each for each in least if each > brightest])
 
 
 def brightness(
@@ -50,21 +53,15 @@ def brightness(
     floor: float,
 ) -> tuple[float, float]:
     """By how much colour sites beside a place are darker, and brighter, than the same site of the tiles around, beyond noise."""
-    shares, period = [1.0], pattern.period
+    darker, brighter, period = [1.0], [1.0], pattern.period
     for y, x in square(*place, 1):
         others = [(y - period, x), (y + period, x), (y, x - period), (y, x + period)]
-        usual = [float(signal[each]) for each in others if _shown(pattern, bad, *each)]
-        if _shown(pattern, bad, y, x) and usual:
-            gain = gamma[pattern.channels.index(letter(pattern, y, x))]
-            whole = max(gain * sum(usual) / len(usual), 0.0) + floor
-            shares += [(max(gain * float(signal[y, x]) + chance, 0.0) + floor) / whole for chance in (noisy, -noisy)]
-    return min(shares[:1] + shares[1::2]), max(shares[:1] + shares[2::2])
-
-
-def _shown(pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> bool:
-    """Whether a place is inside the frame, a colour site, and not marked bad."""
-    inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
-    return inside and letter(pattern, row, column) != "W" and not bad[row, column]
+        usual = [bound(signal, pattern, gamma, each) for each in others if good(pattern, bad, *each, panchromatic=False)]
+        if usual and good(pattern, bad, y, x, panchromatic=False):
+            here, whole = bound(signal, pattern, gamma, (y, x)), max(sum(usual) / len(usual), 0.0) + floor
+            darker.append((max(here + noisy, 0.0) + floor) / whole)
+            brighter.append((max(here - noisy, 0.0) + floor) / whole)
+    return min(darker), max(brighter)
 
 
 def stands_out(
