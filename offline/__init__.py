@@ -9,7 +9,6 @@ from .memory import rendering_memory
 from .parts import Look, Part, RowStage
 from .render import Rendering, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
 from .rows.learned import network_name
-from .rows.uncertainty import with_uncertainty
 from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .solvers import Solved, SolverLog
 
@@ -43,5 +42,4 @@ __all__ = [
     "threads",
     "use_threads",
     "warm_up",
-    "with_uncertainty",
 ]

@@ -28,7 +28,6 @@ class Part:
     chromaticity: float32 (rows, W, C).
     missed: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
         picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
-    uncertainty: see `Rendering.uncertainty`, (rows, W, 1 + C). None = not asked for.
 
     >>> import numpy as np
     >>> from offline import Part
@@ -40,7 +39,6 @@ class Part:
     luminance: FloatArray
     chromaticity: FloatArray
     missed: FloatArray | None = None
-    uncertainty: FloatArray | None = None
 
     @property
     def end(self) -> int:

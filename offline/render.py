@@ -31,7 +31,6 @@ from .rows.lines import OnLines
 from .rows.pinning import Pinning
 from .rows.propagation import Propagation
 from .rows.refinement import Refinement
-from .rows.uncertainty import with_uncertainty
 from .settings import BEST, RenderSettings
 from .sites import block_samples, settle_luminance
 from .solvers import Solved, SolverLog
@@ -66,9 +65,6 @@ class Rendering:
         "pinning" (scattered colour sites) and "samples" (bursts), residual: the same, scaled by the diagonal.
     lost: uint8 (H, W), where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white
         there. 255 = nothing is known; None = all is known.
-    uncertainty: float32 (H, W, 1 + C), standard deviations of the errors of luminance and of each channel's colour, which is
-        channel - luminance / sum(gamma), scene units. On photographs 68 % of the errors lie within one, 95 % within two of them;
-        0 = measured without noise. None = not asked for.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -86,7 +82,6 @@ class Rendering:
     chromaticity: FloatArray
     solvers: Mapping[str, Solved] = field(default_factory=dict)
     lost: ByteArray | None = None
-    uncertainty: FloatArray | None = None
 
 
 def row_stages(measured: Measured, settings: RenderSettings, progress: Progress = SILENT) -> list[RowStage]:
@@ -123,13 +118,10 @@ def render(
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
-    *,
-    uncertainty: bool = False,
 ) -> Rendering:
     """Reconstruct every channel at every pixel.
 
     stages: makes the list of stages in rows; by default `row_stages`. One's own may add to that list, replace in it, or leave out.
-    uncertainty: state how far the picture may be off; raises InputError for the preset paper.
 
     Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than return a value that is not
     finite.
@@ -143,14 +135,13 @@ def render(
     >>> without_the_last = render(grey, stages=lambda *given: row_stages(*given)[:-1])
     """
     log = SolverLog(progress)
-    measured, stages = measure(mosaic, settings, log), with_uncertainty(mosaic, stages) if uncertainty else stages
+    measured = measure(mosaic, settings, log)
     luminance, chromaticity = np.empty(mosaic.shape, np.float32), np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
-    rgb, stated = np.empty_like(chromaticity), []
+    rgb = np.empty_like(chromaticity)
     for part, band in _pictures(measured, settings, log, stages):
         rows = slice(part.first, part.end)
         luminance[rows], chromaticity[rows], rgb[rows] = part.luminance, part.chromaticity, band
-        stated += [] if part.uncertainty is None else [part.uncertainty]
-    return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost, np.concatenate(stated) if stated else None)
+    return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
 
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
@@ -176,7 +167,7 @@ def colour_bands(
 ) -> Iterator[FloatArray]:
     """Yield the picture of what was measured, as `render_bands` does.
 
-    stages: see `render`. With those of `with_uncertainty` a band is (rows, W, C + 1 + C), `Rendering.uncertainty` behind the rest.
+    stages: see `render`.
 
     >>> import numpy as np
     >>> from offline import colour_bands, measure
@@ -185,8 +176,8 @@ def colour_bands(
     >>> [band.shape for band in colour_bands(measure(grey))]
     [(30, 40, 3)]
     """
-    for part, band in _pictures(measured, settings, progress, stages):
-        yield band if part.uncertainty is None else np.concatenate([band, part.uncertainty], axis=2)
+    for _, band in _pictures(measured, settings, progress, stages):
+        yield band
 
 
 @cache
@@ -341,6 +332,5 @@ def _pictures(
         band = np.empty_like(part.chromaticity)
         colour(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
         check_finite(band, part.first)
-        stated = None if part.uncertainty is None else in_scene_units(part.uncertainty, measured.exponent)
         luminance = in_scene_units(part.luminance, measured.exponent)
-        yield replace(part, luminance=luminance, uncertainty=stated), in_scene_units(band, measured.exponent)
+        yield replace(part, luminance=luminance), in_scene_units(band, measured.exponent)

@@ -7,8 +7,7 @@ import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from io import BytesIO
-from itertools import chain
+from io import SEEK_END, BytesIO
 from typing import BinaryIO
 
 from tifffile import DATATYPE, TIFF
@@ -51,24 +50,19 @@ def encode_tiff(directory: Directory) -> bytes:
     return file.getvalue()
 
 
-def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | memoryview], pages: Iterable[Directory] = ()) -> None:
+def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | memoryview]) -> None:
     """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
 
     file: seekable, at its beginning.
     directory: the main directory; its own strips are ignored.
     strips: encoded strips from top to bottom, each written as soon as it arrives.
-    pages: further directories, each taken when what is before it has been written.
     Raises InputError beyond the 4 GiB of the format.
     """
     file.write(_HEADER)
-    link = _FIRST  # where the offset of the next directory belongs
-    for page, parts in chain([(directory, strips)], ((page, page.strips) for page in pages)):
-        place = _place(page, parts, file)
-        end = file.tell()
-        file.seek(link)
-        file.write(struct.pack("<I", place))
-        file.seek(end)
-        link = end - 4
+    place = _place(directory, strips, file)
+    file.seek(_FIRST)
+    file.write(struct.pack("<I", place))
+    file.seek(0, SEEK_END)
 
 
 def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: BinaryIO) -> int:

@@ -24,7 +24,6 @@ from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..rows.fringes import faults_of_lens
-from ..rows.uncertainty import with_uncertainty
 from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
@@ -93,13 +92,9 @@ def merge_burst(
     return MergedBurst(distinct[found.reference], in_order, shares, measured, samples)
 
 
-def render_burst_bands(
-    merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT, uncertain: Mosaic | None = None
-) -> Iterator[FloatArray]:
+def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
 
-    uncertain: the reference, if bands are to state how far they may be off, see `colour_bands`; colour is then taken to be off as
-        much as in a picture of one frame of that noise.
     Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
     """
 
@@ -108,8 +103,7 @@ def render_burst_bands(
         spreading = Spreading(merged.samples, measured, progress)
         return [*row_stages(registered, settings, progress), spreading, *faults_of_lens(measured)]
 
-    stated = stages if uncertain is None else with_uncertainty(uncertain, stages, merged.shares)
-    return colour_bands(merged.measured, settings, progress, stated)
+    return colour_bands(merged.measured, settings, progress, stages)
 
 
 def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -> tuple[Measured, ColourSamples, FloatArray]:

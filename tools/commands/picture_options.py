@@ -34,12 +34,6 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     add(parser, "quality", more=f"; for {', '.join(lossy)}")
     spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
     option(parser, "--space", "colour space; camera: scene units (default: the usual one of the format)", choices=spaces)
-    able = ", ".join(each.name for each in FORMATS.values() if each.has_uncertainty)
-    option(
-        parser,
-        "--uncertainty",
-        f"also write how far luminance and colour of each pixel may be off: standard deviations, scene units; for {able}",
-    )
     exposure = "brighten the picture by this many stops; negative ones darken it, and what is burnt out stays white"
     option(parser, "--exposure STOPS", exposure, type=float, default=0.0)
     balance = "white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6"
@@ -75,7 +69,7 @@ def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")
-    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality, uncertainty=arguments.uncertainty)
+    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     kind.check_exposure(arguments.exposure)
     arguments.wb.check(kind)
     asked = ("preset", "exposure", "max_pixels", "resume", "overwrite", "dry_run")

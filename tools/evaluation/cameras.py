@@ -51,15 +51,14 @@ class CameraPair:
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
         """Render the sparse-colour shot. Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
 
-        A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse; what
-        it states of its errors, behind the channels, is then left out.
+        A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
         mixing = np.array(self._filters.matrix)
         if np.array_equal(mixing, np.eye(len(self.channels))):
             return picture
-        return (picture[..., : len(mixing)] @ np.linalg.pinv(mixing).T).astype(np.float32)
+        return (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
 
     def denoised(self, denoise: Denoise) -> BayerShot:
         """The Bayer shot with its samples denoised; they are kept for the next method that uses them."""

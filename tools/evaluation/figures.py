@@ -10,7 +10,6 @@ import numpy as np
 
 from tools.camera.protocols import Protocol
 
-from .coverage import KIND_ENDS, PARTS, WITHIN, area
 from .measures import PLANES, TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import QUANTILES, Quality
@@ -94,9 +93,7 @@ class Figure:
         psnr_PLANE), dB; ssim; wrong_hue and uneven_hue, the shares of the pixels that show a wrong hue, and another one than their
         object does, 0 to 1, None where red, green and blue are not measured; kept_1 to kept_5, the slopes of `colour_kept` from
         dark to bright, and faded, the mean of their distances from 1, None where there is no colour. What is of whole pictures is
-        the mean over the scenes; kept is of all their pixels, and so are luminance_1 to colour_2_fine_colour, the shares of the
-        errors of luminance and of colour that lie within one and two stated standard deviations, of all and by kind of place, and
-        foretold, the area under the ROC curve of wrong hue by what is stated; None where nothing is.
+        the mean over the scenes; kept is of all their pixels.
     """
 
     group: str
@@ -267,11 +264,7 @@ def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | No
     values |= {f"kept_{place}": slope for place, slope in enumerate(slopes, 1)}
     faded = [abs(1 - slope) for slope in slopes if slope is not None]
     values["faded"] = float(np.mean(faded)) if faded else None
-    covered = np.sum([each.covered for each in parts], axis=0)
-    for part, counts in zip(PARTS, covered, strict=True):
-        for end, (*within, all_) in zip(KIND_ENDS, (counts.sum(axis=0), *counts), strict=True):
-            values |= {f"{part}_{n}{end}": _share(one, all_) for n, one in zip(WITHIN, within, strict=True)}
-    return values | {"foretold": area(np.sum([each.doubts for each in parts], axis=0))}
+    return values
 
 
 def _share(one: float, all_: float) -> float | None:

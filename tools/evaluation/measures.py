@@ -12,7 +12,6 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tools.scenes.scene import RGB
 
-from .coverage import BINS, KINDS, PARTS, WITHIN, coverage, foretold, histograms
 from .hue import PLACES, colour_kept, uneven_hue, wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, ssim, whole_psnr
 
@@ -22,7 +21,7 @@ WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
-_ARRAYS = ("kept", "covered", "doubts", "errors", "hues")
+_ARRAYS = ("kept", "errors", "hues")
 
 
 class Histogram(NamedTuple):
@@ -66,8 +65,6 @@ class Measures:
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
     uneven_hue: share of those whose hue is not that of their object (see `uneven_hue`), likewise.
     kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
-    covered: what `coverage` returns; 0 where the picture does not state how far it may be off.
-    doubts: likewise the `histograms` of how far pixels may be off, of right and of wrong hue.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
     hues: float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
@@ -79,8 +76,6 @@ class Measures:
     wrong_hue: float | None
     uneven_hue: float | None
     kept: DoubleArray
-    covered: DoubleArray
-    doubts: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
     hues: FloatArray
@@ -89,26 +84,20 @@ class Measures:
     def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
         """Measure a rendering against the truth, both (H, W, N), scene units. Raises InputError as `patch_psnr` does.
 
-        rendered: may have what it states behind its channels, (H, W, N + 1 + N), see `offline.Rendering.uncertainty`.
         channels: the N letters of the channels.
         """
-        rendered, stated = rendered[..., : truth.shape[-1]], rendered[..., truth.shape[-1] :]
         maps, inner = patch_psnr(rendered, truth), (slice(BORDER, -BORDER),) * 2
         wrong, wrong_share, uneven_share = np.zeros(truth.shape[:2], bool), None, None
-        kept, doubts = np.zeros((2, len(PLACES))), np.zeros((2, BINS))
-        covered = coverage(rendered, truth, stated) if stated.size else np.zeros((len(PARTS), len(KINDS), len(WITHIN) + 1))
+        kept = np.zeros((2, len(PLACES)))
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
             shown = rendered[..., places], truth[..., places]
             wrong, kept = wrong_hue(*shown), colour_kept(*shown)
             wrong_share, uneven_share = float(wrong[inner].mean()), float(uneven_hue(*shown)[inner].mean())
-            if stated.size:
-                score = foretold(*shown, stated[..., [0, *(1 + place for place in places)]])
-                doubts = histograms(score[inner], wrong[inner])
         whole, likeness = whole_psnr(rendered, truth, BORDER), ssim(rendered, truth, BORDER)
         patches = tuple(map(Histogram.of, maps))
         squares = np.square(rendered.astype(np.float64) - truth).mean(axis=2), wrong.astype(np.float64)
-        figures = Quality.of(maps), whole, likeness, wrong_share, uneven_share, kept, covered, doubts, patches
+        figures = Quality.of(maps), whole, likeness, wrong_share, uneven_share, kept, patches
         return cls(*figures, *map(_window_means, squares))
 
     def encode(self) -> bytes:

@@ -66,14 +66,10 @@ class Method:
         """The same method, given white-balanced samples."""
         return replace(self, name=f"{self.name}-wb", title=f"{self.title.rpartition(' ')[0]}, balanced", balanced=True)
 
-    def render(self, cameras: CameraPair, *, stated: bool = False) -> FloatArray:
-        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units.
-
-        stated: with `offline.Rendering.uncertainty` behind the channels, (H, W, N + 1 + N), if the method states it.
-        """
+    def render(self, cameras: CameraPair) -> FloatArray:
+        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
         if self.sparse:
-            picture = cameras.render_sparse(self.function)
-            return picture if stated else picture[..., : cameras.truth.shape[2]]
+            return cameras.render_sparse(self.function)
         shot, white = cameras.denoised(self.denoise) if self.denoise else cameras.bayer, cameras.white
         if self.whole_shot:
             return self.function(shot, white)

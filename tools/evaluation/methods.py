@@ -3,8 +3,6 @@
 from dataclasses import asdict
 from functools import cache, partial
 
-import numpy as np
-
 from offline import PRESETS, RenderSettings, render
 from offline.version import ALGORITHM
 from shared import Mosaic
@@ -17,19 +15,15 @@ from .method import Method
 from .rivals import demosaicnet, denoising, dlmmse, integers, interpolation, network, planes
 
 
-def render_preset(settings: RenderSettings, mosaic: Mosaic, *, stated: bool = False) -> FloatArray:
-    """Render a shot with the off-camera renderer. Returns float32 (H, W, C), scene units of the shot.
-
-    stated: with `offline.Rendering.uncertainty` behind the channels, (H, W, C + 1 + C).
-    """
-    found = render(mosaic, settings, uncertainty=stated)
-    return found.rgb if found.uncertainty is None else np.concatenate([found.rgb, found.uncertainty], axis=2)
+def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """Render a shot with the off-camera renderer. Returns float32 (H, W, C), scene units of the shot."""
+    return render(mosaic, settings).rgb
 
 
 def _preset(name: str, title: str, seconds: float) -> Method:
     settings = PRESETS[name]
     version, packages = [ALGORITHM, asdict(settings)], ("onnxruntime",) if settings.learned.used else ()
-    function = partial(render_preset, settings, stated=settings.pooling.used)
+    function = partial(render_preset, settings)
     return Method(name, f"Sparse colour, {title}", function, version, ours=True, sparse=True, packages=packages, seconds=seconds)
 
 

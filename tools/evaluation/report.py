@@ -9,7 +9,6 @@ from tools.camera.protocols import Protocol
 from tools.host.console import one_line
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
-from .coverage import KIND_ENDS, KINDS, PARTS, WITHIN
 from .figures import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion, Figures, SetFigures
 from .hue import PLACES
 from .methods import methods
@@ -26,12 +25,6 @@ STROKES = (
 )
 
 KEPT = "Colour kept by luminance of the truth, both pictures blurred: 1 is all of it, 0 is grey"
-
-
-COVERED = (
-    "What the picture states of its errors: percent within one / two stated standard deviations (68 / 95 is right; what is "
-    "measured without noise is left out), and how often a pixel of wrong hue is stated to be less certain than one of right hue"
-)
 
 
 @dataclass(frozen=True)
@@ -116,20 +109,6 @@ def kept_table(group: SetFigures, level: Protocol) -> Table:
     return Table([capital(level.text), *PLACES], [_of_method(*each) for each in texts])
 
 
-def covered_table(group: SetFigures, level: Protocol) -> Table:
-    """How often errors lie within what a picture states: two rows for each method that states it, a column by kind of place."""
-    rows = []
-    for name in group.study.methods:
-        figure = group.figure(level, name)
-        if figure is None or figure.values["colour_1"] is None:
-            continue
-        for part in PARTS:
-            pairs = [[_part(figure.values[f"{part}_{within}{end}"], 1, 100) for within in WITHIN] for end in KIND_ENDS]
-            area = _part(figure.values["foretold"], 2, none="") if part == PARTS[-1] else ""
-            rows.append(_of_method(name, [*map(" / ".join, pairs), area], more=f", {part}"))
-    return Table([capital(level.text), "everywhere", *KINDS, "wrong hue"], rows)
-
-
 def sensors(figures: Figures) -> str:
     """The scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
@@ -165,9 +144,8 @@ def plain_text(figures: Figures) -> str:
         if len(study.tiles) > 1 and study.ours:
             tables = by_level(pattern_table, group, study.levels)
             lines += [f"Patterns under the same light, {methods()[study.ours].title}, dB", *_aligned(tables)]
-        for title, table in ((KEPT, kept_table), (COVERED, covered_table)):
-            if tables := by_level(table, group, study.levels):
-                lines += [f"{title}:", *_aligned(tables)]
+        if tables := by_level(kept_table, group, study.levels):
+            lines += [f"{KEPT}:", *_aligned(tables)]
         lines.append("")
     if figures.strokes:
         lines += [f"{STROKES}:", *_aligned(by_level(stroke_table, figures, study.levels))]
@@ -183,8 +161,8 @@ def _of_method(name: str, texts: Sequence[str], best: Sequence[bool] = (), more:
     return Row(methods()[name].title + more, texts, best, "ours" * methods()[name].ours)
 
 
-def _part(value: float | None, digits: int, scale: int = 1, none: str = "–") -> str:
-    return none if value is None else f"{scale * value:.{digits}f}"
+def _part(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _levels(group: SetFigures) -> list[str]:

@@ -246,7 +246,7 @@ def work(task: Task) -> list[str]:
 def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
     """The picture behind a result, float32 (H, W, N), scene units, and what it states (see `Method.render`)."""
     cameras = _cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), seed, reading)
-    return methods()[cell.method].render(cameras, stated=True)
+    return methods()[cell.method].render(cameras)
 
 
 @lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest

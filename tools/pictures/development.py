@@ -106,8 +106,7 @@ def write_picture(
     The bands are taken in this thread. Others convert, compress and write those that have arrived.
 
     path: the file.
-    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1. With
-        `PictureKind.uncertainty` (rows, W, C + 1 + C), as `offline.colour_bands` yields them.
+    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1.
     overwrite, on_complete: see `durable_file`.
     threads: number of threads that convert and compress.
 

@@ -1,4 +1,4 @@
-"""Pictures that explain: how the camera works, how its render compares, a tile of filters, and where colour is a guess."""
+"""Pictures that explain: how the camera works, how its render compares, and a tile of filters."""
 
 from collections.abc import Sequence
 from html import escape
@@ -38,13 +38,6 @@ _DISCS = {
 _OTHER = (161, 161, 170)
 _FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
 _SQUARE = 12  # SVG units of a site of a drawn tile
-
-INFERRED, GUESSED = 0.02, 0.06
-"""How far colour may be off, a share of the light, from which on it is inferred from the blocks around, and from which on it is a
-guess: there a wrong hue is seen at a glance (a difference of some 10 CIEDE2000 in a grey of medium brightness is 0.06 to 0.1)."""
-LEGEND = "grey: colour is measured; blue: inferred; orange: guessed"
-_DARK = 0.01  # of full scale: light that is as good as none
-_TINTS = np.array(((255, 255, 255), (92, 160, 255), (255, 140, 30)), np.float32) / 255
 
 Crop = tuple[int, int]
 
@@ -175,18 +168,3 @@ def tile_picture(tile: Sequence[str]) -> str:
             if letter != PANCHROMATIC:
                 squares += f'<text x="{x + _SQUARE / 2:g}" y="{y + 0.77 * _SQUARE:g}">{escape(letter)}</text>'
     return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'
-
-
-def colour_doubt(luminance: FloatArray, uncertainty: FloatArray, gamma: FloatArray) -> FloatArray:
-    """How far colour may be off, as a share of the light, float32 (H, W).
-
-    luminance: (H, W), what a panchromatic pixel reads. uncertainty: see `offline.Rendering`. gamma: (C,), of Eq. 7.
-    """
-    off = np.sqrt(np.square(uncertainty[..., 1:] * gamma).sum(axis=2))
-    return off / (np.maximum(luminance, 0) + np.float32(_DARK) * gamma.sum())
-
-
-def certainty_map(shown: ByteArray, doubt: FloatArray) -> ByteArray:
-    """The picture, uint8 (H, W, 3), in grey, tinted where its colour is inferred or guessed. doubt: (H, W), see `colour_doubt`."""
-    grey = 60 + shown.mean(axis=2, dtype=np.float32) * np.float32(195 / 255)
-    return np.rint(grey[..., None] * _TINTS[np.digitize(doubt, (INFERRED, GUESSED))]).astype(np.uint8)

@@ -25,7 +25,6 @@ class PictureKind:
     bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
     space: a key of `SPACES`, or "camera".
     quality: of a format that has one, 1 to 100; None = the usual one.
-    uncertainty: it also holds `offline.Rendering.uncertainty`, as pages, layers or further channels; for the space "camera".
 
     Raises InputError for a kind that its format does not hold, and names those that it holds.
     """
@@ -34,7 +33,6 @@ class PictureKind:
     bits: int
     space: str
     quality: int | None = None
-    uncertainty: bool = False
 
     def __post_init__(self) -> None:
         kept_as = _known(self.format)
@@ -42,9 +40,6 @@ class PictureKind:
         if self.quality is not None and not kept_as.has_quality:
             lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
             raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
-        if self.uncertainty and not (kept_as.has_uncertainty and self.space == CAMERA):
-            able = ", ".join(each.name for each in FORMATS.values() if each.has_uncertainty)
-            raise InputError(f'the uncertainty, in scene units, can stand beside {able} with `space="camera"` alone')
         if kept_as.missing:
             raise InputError(kept_as.missing)
         if self.space not in kept_as.spaces:
@@ -59,27 +54,20 @@ class PictureKind:
         bits: int | None = None,
         space: str | None = None,
         quality: int | None = None,
-        *,
-        uncertainty: bool = False,
     ) -> "PictureKind":
         """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
         kept_as = _known(format)
-        space = CAMERA if uncertainty and space is None else space
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
-                return cls(format, bits or possible[0], candidate, quality, uncertainty)
+                return cls(format, bits or possible[0], candidate, quality)
         if space is None:
             raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(kept_as)}")
-        return cls(format, bits or 0, space, None, uncertainty)  # raises InputError with the reason
+        return cls(format, bits or 0, space, None)  # raises InputError with the reason
 
     @property
     def kept_as(self) -> Format:
         """The format."""
         return FORMATS[self.format]
-
-    def planes(self, channels: int) -> int:
-        """Number of planes of a picture with this number of channels, as it is rendered for such a file."""
-        return 2 * channels + 1 if self.uncertainty else channels
 
     @property
     def suffix(self) -> str:

@@ -98,7 +98,7 @@ class BurstSubject(Subject):
         self._reported = reported
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
-        super().__init__(self._mosaics[self._reference], order.settings, uncertainty=order.kind.uncertainty)
+        super().__init__(self._mosaics[self._reference], order.settings)
         if reported:
             try:
                 ColourTransform.to_space(self.mosaic.calibration)
@@ -142,8 +142,7 @@ class BurstSubject(Subject):
         if self._merged is None or self._left == 1:
             bands = super().bands(progress)
         else:
-            uncertain = self.mosaic if self.uncertainty else None
-            self.lost, bands = self._merged.lost, render_burst_bands(self._merged, self.settings, progress, uncertain)
+            self.lost, bands = self._merged.lost, render_burst_bands(self._merged, self.settings, progress)
         if self._reported:
             self._shown = Shown(self.mosaic, self._order.exposure)
             bands = self._shown.taken(bands)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_checks.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
-_STATED = 12.0  # per pixel and plane of the uncertainty, which a TIFF keeps until the picture is written
 _LEAST = "tif"  # the format that needs least
 
 
@@ -32,9 +31,7 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
 
         rendering = burst_memory(frames, mosaic, settings)
     channels, pixels = len(mosaic.pattern.channels), mosaic.shape[0] * mosaic.shape[1]
-    made = kind.kept_as.memory(mosaic.shape, kind.planes(channels), rendering, threads())
-    if kind.uncertainty:
-        made += _STATED * (1 + channels) * pixels
+    made = kind.kept_as.memory(mosaic.shape, channels, rendering, threads())
     return round(_PROGRAM + _MOSAIC * frames * pixels + made)
 
 
@@ -44,7 +41,7 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(_LEAST, uncertainty=kind.uncertainty), settings, frames)
+    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings, frames)
     remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
     what = f"{frames} frames of {columns} x {rows} pixels" if frames > 1 else f"{columns} x {rows} pixels"
     raise InputError(

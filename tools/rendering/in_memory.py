@@ -49,23 +49,17 @@ def settings_named(preset: object) -> "RenderSettings":
     return PRESETS[str(preset)]
 
 
-def render_array(
-    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None, *, uncertainty: bool = False
-) -> tuple[FloatArray, ByteArray | None]:
+def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None) -> tuple[FloatArray, ByteArray | None]:
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`offline.Rendering.lost`).
 
     stages: makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
-    uncertainty: the picture is (H, W, C + 1 + C), `offline.Rendering.uncertainty` behind the rest.
     Standard error has a note while the renderer is being compiled.
     Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
     """
-    from offline import colour_bands, measure, row_stages, with_uncertainty
+    from offline import colour_bands, measure, row_stages
 
-    chosen = stages or row_stages
-    stating = with_uncertainty(mosaic, chosen) if uncertainty else chosen
-    kind = replace(_AS_ARRAY, uncertainty=uncertainty)
     check_light(mosaic, settings)
-    if (need := needed_memory(mosaic, kind, settings)) > (free := allowed_memory(None)):
+    if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
             f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
@@ -73,7 +67,7 @@ def render_array(
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(colour_bands(measured, settings, progress, stating), mosaic.shape[0]), measured.lost
+        return joined(colour_bands(measured, settings, progress, stages or row_stages), mosaic.shape[0]), measured.lost
 
 
 def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:

@@ -30,7 +30,6 @@ class Subject:
 
     mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one. A single
         shot is given up by `bands`, to save memory.
-    uncertainty: whether the picture states how far it may be off.
     count: number of frames.
     errors: a line for each file that failed, where others are left to render.
     words: what is special about the picture, for people; "" for nothing.
@@ -41,8 +40,8 @@ class Subject:
     errors: tuple[str, ...] = ()
     words = ""
 
-    def __init__(self, mosaic: Mosaic, settings: "RenderSettings", *, uncertainty: bool = False) -> None:
-        self.mosaic, self.settings, self.uncertainty = mosaic, settings, uncertainty
+    def __init__(self, mosaic: Mosaic, settings: "RenderSettings") -> None:
+        self.mosaic, self.settings = mosaic, settings
         self.lost: ByteArray | None = None
 
     def prepare(self, progress: Progress) -> None:
@@ -50,12 +49,11 @@ class Subject:
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.colour_bands` does."""
-        from offline import colour_bands, measure, row_stages, with_uncertainty
+        from offline import colour_bands, measure
 
-        stages = with_uncertainty(self.mosaic, row_stages) if self.uncertainty else row_stages
         measured = measure(self._given_up(), self.settings, progress)
         self.lost = measured.lost
-        return colour_bands(measured, self.settings, progress, stages)
+        return colour_bands(measured, self.settings, progress)
 
     def _given_up(self) -> Mosaic:
         """The shot, which only the caller holds from now on."""
@@ -121,7 +119,7 @@ class Order:
         """
         mosaic = self.read(job.source)
         needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
-        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings, uncertainty=self.kind.uncertainty)
+        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings)
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""

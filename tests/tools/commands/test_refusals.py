@@ -71,7 +71,6 @@ USAGE = {
         "--scheduler ''": "--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE",
         "--scheduler tcp://a:1 --scheduler-file b": "--scheduler and --scheduler-file name the same thing",
         "--scheduler-file missing.json": "missing.json: there is no such file",
-        "--uncertainty -f png": "scene units",
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
     "burst frames -o out": {

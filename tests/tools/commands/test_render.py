@@ -138,18 +138,6 @@ def cast(path: Path) -> float:
     return float(np.ptp(mean) / mean.mean())
 
 
-def test_a_measurement_states_how_far_it_may_be_off(out: Path, shot: Path) -> None:
-    run("render", shot, "-o", out, "--uncertainty", code=0)
-    with tifffile.TiffFile(out / f"{shot.stem}.tif") as file:
-        picture, stated = (page.asarray() for page in file.pages)
-    found = render(read_dng(shot), uncertainty=True)
-    assert np.array_equal(picture, found.rgb)
-    assert np.array_equal(stated, found.uncertainty)
-    assert "scene units" in run("render", shot, "-o", out, "--uncertainty", "-f", "png", code=2).err
-    preset = run("render", shot, "-o", out, "--uncertainty", "--preset", "paper", "--overwrite")
-    assert_refused(preset, "best and unlearned", name=str(shot))
-
-
 def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) -> None:
     shot = uncalibrated(tmp_path / "a.dng")
     multipliers = ",".join(str(1 / each) for each in LIGHT)

@@ -26,7 +26,7 @@ def test_every_cell_runs_and_shows_its_result(tmp_path: Path, monkeypatch: pytes
     names: dict[str, Any] = {}
     code = ["".join(cell["source"]).replace("1800x1200", "480x320") for cell in CELLS]  # a smaller scene, for the sake of time
     shown = [type(value).__name__ for value in (run(each, names) for each in code) if hasattr(value, "_repr_png_")]
-    assert shown == ["Shot", "Picture", "Image", "Uncertainty", "Shot", "Picture"]
+    assert shown == ["Shot", "Picture", "Image", "Shot", "Picture"]
     assert {path.name for path in tmp_path.iterdir()} == {"leaves.dng", "leaves.tif"}
 
 

@@ -18,7 +18,6 @@ from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shadi
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.camera.lens import lens_aberration, lens_shading
-from tools.evaluation.hue import wrong_hue
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 
@@ -278,19 +277,6 @@ def test_a_lens_is_simulated_and_known() -> None:
     assert calibration.lens == (lens_shading(1.5, 0.1, 4, (90, 120)), lens_aberration(1, -1, 3, (90, 120)))
     with pytest.raises(panchroma.PanchromaError, match="`aberration` is 3, expected two numbers"):
         panchroma.simulate("builtin:60x40", aberration=3)  # type: ignore[arg-type]
-
-
-def test_the_uncertainty_of_a_picture_shows_itself_and_guesses_are_where_hues_are_wrong() -> None:
-    shot = panchroma.simulate("builtin:240x180", sigma=0.01)
-    picture = panchroma.render(shot, uncertainty=True)
-    assert panchroma.render(shot).uncertainty is None
-    assert np.asarray(picture.uncertainty).shape == (180, 240, 4)
-    assert picture.uncertainty._repr_png_().startswith(b"\x89PNG")
-    assert np.array_equal(picture.rgb, panchroma.render(shot).rgb)
-    tint = picture.uncertainty.image.pixels.astype(int)
-    guessed, measured = tint[..., 0] > tint[..., 2], tint[..., 0] == tint[..., 2]
-    wrong = wrong_hue(picture.rgb, shot.truth.rgb)
-    assert wrong[guessed].mean() > 4 * wrong[measured].mean()
 
 
 def test_the_best_tiles_are_drawn_and_can_be_simulated() -> None:

@@ -294,37 +294,3 @@ def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(OutputError, match="no temporary file for OpenEXR"):
         write_picture(tmp_path / "a.exr", [scene((4, 4))], development(PictureKind.of("exr"), (4, 4)))
-
-
-# --- uncertainty ----------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("format_", ["tif", "exr", "npy"])
-def test_what_a_picture_states_of_its_errors_goes_with_it(format_: str, tmp_path: Path) -> None:
-    kind = PictureKind.of(format_, uncertainty=True)
-    assert (kind.space, kind.bits) == (CAMERA, 32)
-    rgb = scene((150, 7))
-    stated = np.random.default_rng(0).uniform(size=(150, 7, 4)).astype(np.float32)
-    path = tmp_path / f"picture.{format_}"
-    both = np.concatenate([rgb, stated], axis=2)
-    write_picture(path, [both[:70], both[70:]], development(kind, rgb.shape[:2]))
-    match format_:
-        case "tif":
-            with tifffile.TiffFile(path) as file:
-                found = [page.asarray() for page in file.pages]
-                assert file.pages[1].aspage().tags["PageName"].value == "uncertainty: luminance, R, G, B"
-        case "exr":
-            with OpenEXR.File(str(path), separate_channels=True) as exr:
-                planes = {name: each.pixels for name, each in exr.channels().items()}
-            whole = np.stack([planes[name] for name in (*"RGB", *(f"uncertainty.{letter}" for letter in "YRGB"))], axis=2)
-            found = [whole[..., :3], whole[..., 3:]]
-        case _:
-            found = [np.load(path)[..., :3], np.load(path)[..., 3:]]
-    np.testing.assert_array_equal(found[0], rgb)
-    np.testing.assert_array_equal(found[1], stated)
-
-
-@pytest.mark.parametrize(("format_", "space"), [("png", None), ("tif", "srgb"), ("exr", "linear-srgb")])
-def test_pictures_to_look_at_do_not_state_their_errors(format_: str, space: str | None) -> None:
-    with pytest.raises(InputError, match="in scene units"):
-        PictureKind.of(format_, space=space, uncertainty=True)

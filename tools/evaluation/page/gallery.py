@@ -13,7 +13,6 @@ from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
-from tools.pictures.illustrations import LEGEND, certainty_map, colour_doubt
 from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
@@ -178,26 +177,22 @@ def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit
     def displayed(rgb: FloatArray) -> ByteArray:
         return quantise(transform.apply(rgb, stops), 8).astype(np.uint8)
 
-    pictures, maps = [Rendered("truth", displayed(truth))], list[Rendered]()
+    pictures = [Rendered("truth", displayed(truth))]
     tiles = [tile for tile in study.tiles if can_photograph(tile, scene.channels)] if several else [study.tile]
     for tile in tiles:
-        for name, rendered in render_crop(study, crop, scene.rgb, names, tile):
+        for name, picture in render_crop(study, crop, scene.rgb, names, tile):
             method, ours = methods()[name], methods()[name].ours
             title = tile.name if several else method.title if ours else method.short
-            picture, stated = np.split(rendered, [truth.shape[2]], axis=2)
             pictures.append(Rendered(title, displayed(picture), psnr(picture, truth), ours and not several))
-            if stated.size and not several and name == study.ours:
-                doubt = colour_doubt(picture.sum(axis=2), stated, np.ones(truth.shape[2], np.float32))
-                maps.append(Rendered(f"{method.short}: {LEGEND}", certainty_map(pictures[-1].pixels, doubt)))
     by_psnr = sorted(range(1, len(pictures)), key=lambda place: pictures[place].psnr or 0.0)
     rival = next((place for place, picture in enumerate(pictures) if place and not picture.ours), 0)
-    return Exhibit(crop, (*pictures, *maps), stops, (by_psnr[0], by_psnr[-1]) if several else (rival, 1))
+    return Exhibit(crop, tuple(pictures), stops, (by_psnr[0], by_psnr[-1]) if several else (rival, 1))
 
 
 def render_crop(
     study: Study, crop: Crop, truth: FloatArray, names: Iterable[str], tile: Tile | None = None
 ) -> Iterator[tuple[str, FloatArray]]:
-    """(method, its picture of a crop, float32 (h, w, 3), scene units, and what it states): from the samples of the whole shots.
+    """(method, its picture of a crop, float32 (h, w, 3), scene units): from the samples of the whole shots.
 
     Only the crop and its surroundings are rendered.
 
@@ -212,7 +207,7 @@ def render_crop(
     cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, (rows, columns))
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in names:
-        yield name, methods()[name].render(cameras, stated=True)[top : top + crop.height, left : left + crop.width]
+        yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
 def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:

@@ -15,12 +15,10 @@ from ..figures import CRITERIA, Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
 from ..report import (
-    COVERED,
     KEPT,
     STROKES,
     Table,
     by_level,
-    covered_table,
     kept_table,
     method_table,
     pattern_conditions,
@@ -171,9 +169,7 @@ def _verdict(group: SetFigures, number: int) -> str:
 
 def _noise_section(figures: Figures) -> str:
     plots = "".join(
-        f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}"
-        + _by_level(KEPT, kept_table, group, figures.study)
-        + _by_level(COVERED, covered_table, group, figures.study)
+        f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}" + _by_level(KEPT, kept_table, group, figures.study)
         for group in figures.sets
     )
     said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."

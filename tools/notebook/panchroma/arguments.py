@@ -24,7 +24,7 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure", "white"), "a number", (Real,)),
     (("shading", "aberration"), "two numbers", (tuple, list, np.ndarray)),
-    (("linear", "overwrite", "uncertainty"), "True or False", (bool, np.bool_)),
+    (("linear", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
     (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),
     (("metadata",), "a shared.CaptureMetadata", (CaptureMetadata,)),

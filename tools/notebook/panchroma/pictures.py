@@ -97,7 +97,6 @@ class Picture:
     white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the peak of `evaluate`.
     restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
         as saturated pixels is shown white.
-    stated: see `uncertainty`; None = nothing is stated.
     lost: uint8 (H, W), how far the shot does not show what the light was, 255 = not at all, as in a highlight that is smaller than
         the distance of two colour blocks; shown white. None = nowhere.
 
@@ -120,7 +119,6 @@ class Picture:
     white: float = 1.0
     restored: bool = True
     lost: ByteArray | None = None
-    stated: FloatArray | None = None
 
     def __post_init__(self) -> None:
         check_argument("calibration", self.calibration)
@@ -141,11 +139,6 @@ class Picture:
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
         return self.rgb.shape[0], self.rgb.shape[1]
-
-    @property
-    def uncertainty(self) -> Uncertainty | None:
-        """How far each pixel may be off; None where that was not asked for: `panchroma.render(shot, uncertainty=True)`."""
-        return None if self.stated is None else Uncertainty(self.stated, self)
 
     @property
     def channels(self) -> str:
@@ -206,45 +199,7 @@ class Picture:
 
     def _repr_png_(self) -> bytes:
         lost = None if self.lost is None else _reduced(self.lost[..., None])[..., 0]
-        return replace(self, rgb=_reduced(self.rgb), lost=lost, stated=None)._shown._repr_png_()
-
-
-@dataclass(frozen=True, eq=False, repr=False, match_args=False)
-class Uncertainty:
-    """How far each pixel of a picture may be off. Jupyter shows where colour is measured (grey), inferred (blue), guessed (orange).
-
-    sigma: float32 (H, W, 1 + C), scene units, standard deviations of the errors of luminance (what a panchromatic pixel reads) and
-        of each channel's colour (channel minus luminance / sum of gamma). 68 % of the errors lie within one, 95 % within two.
-    picture: whose.
-
-    >>> import panchroma
-    >>> picture = panchroma.render(panchroma.simulate("builtin:120x90", sigma=0.01), uncertainty=True)
-    >>> picture.uncertainty
-    <Uncertainty 120 x 90: luminance, R, G, B>
-    """
-
-    sigma: FloatArray
-    picture: Picture
-
-    @property
-    def image(self) -> Image:
-        """The picture in grey, tinted blue where its colour is inferred and orange where it is a guess."""
-        from tools.pictures.illustrations import certainty_map, colour_doubt
-        from tools.pictures.samples import upright
-
-        gamma = np.array(self.picture.calibration.gamma, np.float32)
-        doubt = upright(colour_doubt(self.picture.rgb @ gamma, self.sigma, gamma), self.picture.metadata.orientation)
-        return Image(certainty_map(self.picture._shown.pixels, doubt))
-
-    def __repr__(self) -> str:
-        rows, columns = self.picture.shape
-        return f"<Uncertainty {columns} x {rows}: luminance, {', '.join(self.picture.channels)}>"
-
-    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.array(self.sigma, dtype, copy=copy)
-
-    def _repr_png_(self) -> bytes:
-        return self.image._repr_png_()
+        return replace(self, rgb=_reduced(self.rgb), lost=lost)._shown._repr_png_()
 
 
 @checked

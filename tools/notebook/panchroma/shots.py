@@ -130,7 +130,6 @@ def render(
     preset: str | RenderSettings = "best",
     wb: str | Sequence[float] = "camera",
     stages: Stages | None = None,
-    uncertainty: bool = False,
 ) -> Picture:
     """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
 
@@ -143,24 +142,19 @@ def render(
     wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
         change `Picture.rgb`.
     stages: makes the list of stages that go over the picture in rows, as `offline.render` takes it; None = those of the settings.
-    uncertainty: state how far each pixel may be off (`Picture.uncertainty`); not for the preset "paper".
-        It takes up to a fifth longer.
     Raises PanchromaError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
     >>> panchroma.render(shot)
     <Picture 120 x 90, linear R, G, B>
-    >>> panchroma.render(shot, uncertainty=True).uncertainty.sigma.shape
-    (90, 120, 4)
     """
     settings, white = settings_named(preset), WhiteBalance.parse(wb)
     shot = as_shot(shot)
     mosaic = white.of(shot.mosaic)
-    found, lost = render_array(mosaic, settings, stages, uncertainty=uncertainty)
-    rgb, stated = np.split(found, [len(mosaic.pattern.channels)], axis=2)
+    rgb, lost = render_array(mosaic, settings, stages)
     level, restored = shot.truth.white if shot.truth else 1.0, settings.highlights.restored
-    return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, lost, stated if uncertainty else None)
+    return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, lost)
 
 
 def with_notes_shown(shot: Shot) -> Shot:

@@ -24,7 +24,6 @@ class OpenExr(Format):
     """OpenEXR; 16 bits are half floats. Raises OutputError if a temporary file cannot be written."""
 
     name = "exr"
-    has_uncertainty = True
     spaces: ClassVar = {"linear-srgb": (16, 32), CAMERA: (32, 16)}
     memory_per_pixel = 40.0
 
@@ -36,8 +35,7 @@ class OpenExr(Format):
         """See `Format`."""
         (pixels,) = bands
         kind, channels = development.kind, development.channels
-        layers = [f"uncertainty.{letter}" for letter in f"Y{channels}"] if kind.uncertainty else []
-        file.write(encode_exr(pixels, [*channels, *layers], kind.bits, _attributes(development.noted, kind.space)))
+        file.write(encode_exr(pixels, channels, kind.bits, _attributes(development.noted, kind.space)))
 
 
 def encode_exr(pixels: FloatArray, channels: Sequence[str], bits: int, attributes: Mapping[str, object]) -> bytes:

@@ -29,7 +29,6 @@ class Format(ABC):
     aliases: what else it is called.
     about: what its name does not say, for the help; "" = nothing.
     has_quality: it loses something, and `PictureKind.quality` says how much.
-    has_uncertainty: it can hold how far a picture may be off, in scene units.
     in_bands: a picture goes to the file as it is rendered; otherwise it is held as a whole.
     longest_side: pixels; None = any.
     memory_per_pixel: bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_checks.py` measures
@@ -42,7 +41,6 @@ class Format(ABC):
     aliases: ClassVar[tuple[str, ...]] = ()
     about: ClassVar[str] = ""
     has_quality: ClassVar[bool] = False
-    has_uncertainty: ClassVar[bool] = False
     in_bands: ClassVar[bool] = False
     longest_side: ClassVar[int | None] = None
     memory_per_pixel: ClassVar[float] = 0.0
@@ -84,7 +82,7 @@ class Format(ABC):
         Raises InputError for a picture that `checked_picture` refuses.
         """
         if development.kind.space == CAMERA:
-            return checked_picture(rgb, development.kind.planes(len(development.calibration.channels)))
+            return checked_picture(rgb, len(development.calibration.channels))
         if self.dtype(development.kind.bits) == np.float32:
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
@@ -107,7 +105,4 @@ class Format(ABC):
 
     @abstractmethod
     def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
-        """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands` in one piece.
-
-        With `PictureKind.uncertainty`, behind the samples of the channels are those of the uncertainty.
-        """
+        """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands` in one piece."""

@@ -14,7 +14,6 @@ class NumPy(Format):
     """NumPy, version 1.0."""
 
     name = "npy"
-    has_uncertainty = True  # behind the channels: (H, W, C + 1 + C)
     spaces: ClassVar = {CAMERA: (32,), "srgb": (32,), "display-p3": (32,), "linear-srgb": (32,)}
     memory_per_pixel = 28.0
 

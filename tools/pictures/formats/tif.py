@@ -4,7 +4,7 @@
 better; Deflate came later.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, BinaryIO, ClassVar
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from shared.dng.container import picture_fields
 from shared.dng.tags import Compression, Tag
-from shared.tiff import Directory, Fields, FieldType, write_tiff
+from shared.tiff import Fields, FieldType, write_tiff
 from tools.host.ahead import ahead
 
 from ..development import CAMERA, Development
@@ -24,7 +24,7 @@ from .format import Format
 _STRIP_ROWS = 64
 
 # TIFF 6.0; 34675 is ICC.1:2010 Annex B.4.
-_PAGE_NAME, _PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 285, 317, 338, 339, 34675
+_PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 317, 338, 339, 34675
 _LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
 
 
@@ -33,7 +33,6 @@ class Tiff(Format):
 
     name, aliases = "tif", ("tiff",)
     spaces: ClassVar = {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)}
-    has_uncertainty = True  # the second page, kept until the first is written
     in_bands = True  # the bands that wait take less than the planes of the frame that are no longer needed then
 
     def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
@@ -43,26 +42,9 @@ class Tiff(Format):
         fields = _fields((*development.written_shape, len(development.channels)), bits, rgb=development.channels == "RGB")
         if development.icc:
             fields[_ICC] = FieldType.UNDEFINED, development.icc
-        count, stated = len(development.channels), list[NDArray[Any]]()
-        rows = regrouped(_parted(bands, count, stated) if development.kind.uncertainty else bands, _STRIP_ROWS)
+        rows = regrouped(bands, _STRIP_ROWS)
         strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
-        pages = (_stated_page(stated, development) for _ in range(development.kind.uncertainty))
-        write_tiff(file, replace(directory, fields={**directory.fields, **fields}), strips, pages)
-
-
-def _parted(bands: Iterable[NDArray[Any]], channels: int, stated: list[NDArray[Any]]) -> Iterator[NDArray[Any]]:
-    """The channels of bands; what is behind them goes to `stated`."""
-    for band in bands:
-        stated.append(band[..., channels:].copy())
-        yield band[..., :channels]
-
-
-def _stated_page(stated: list[NDArray[Any]], development: Development) -> Directory:
-    """The page of the uncertainty."""
-    channels = development.channels
-    name = FieldType.ASCII, f"uncertainty: luminance, {', '.join(channels)}"
-    fields = _fields((*development.written_shape, 1 + len(channels)), development.kind.bits, rgb=False)
-    return Directory(fields | {_PAGE_NAME: name}, [bytes(_plain_strip(rows)) for rows in regrouped(stated, _STRIP_ROWS)])
+        write_tiff(file, replace(directory, fields={**directory.fields, **fields}), strips)
 
 
 def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
