@@ -28,8 +28,7 @@ for _module in iter_modules(package.__path__):  # a kernel is known when its mod
 def used_kernels(*settings: RenderSettings) -> list[str]:
     """Names of the kernels that renders with these settings may call, without any settings of all kernels.
 
-    Those that only scattered colour sites, displaced channels or a lens with aberration need are not among them: they are compiled
-    when they are called.
+    Those that only scattered colour sites need are not among them: they are compiled when they are called.
     """
     frame = Measured.outline(Mosaic(np.zeros((24, 24), np.float32), CfaPattern.bayer(), SensorCalibration()))
     used = set() if settings else set(kernels)

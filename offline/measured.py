@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.block_grid import BlockGrid
 from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
@@ -38,32 +38,6 @@ class ColourLines:
     def at(self, light: FloatArray) -> FloatArray:
         """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places of each channel."""
         return self.offset + self.slope * light
-
-
-@dataclass(frozen=True, eq=False)
-class Fringes:
-    """How far the channels of a shot are displaced against its luminance (see `whole.fringes`).
-
-    shifts: by how many pixels each channel shows what lies farther down, across, and outwards in the corners of the frame, towards
-        its middle in proportion less; float64 (C, 3).
-    shape: rows and columns of the frame.
-    """
-
-    shifts: DoubleArray
-    shape: tuple[int, int]
-
-    @property
-    def reach(self) -> int:
-        """Pixels that hold every displacement."""
-        return int(np.ceil(np.abs(self.shifts[:, :2]).max() + np.abs(self.shifts[:, 2]).max()))
-
-    def outward(self, axis: int, places: FloatArray | IndexArray) -> DoubleArray:
-        """How far rows (axis 0) or columns (1) of the frame, (N,), are from its middle, in half diagonals, (N,)."""
-        return (2.0 * places - (self.shape[axis] - 1)) / max(np.hypot(self.shape[0] - 1, self.shape[1] - 1), 1)
-
-    def seen(self, axis: int, places: FloatArray | IndexArray) -> DoubleArray:
-        """Rows (axis 0) or columns (1) of the frame, (N,), as each channel sees them, (C, N)."""
-        return places + self.shifts[:, axis, None] + self.shifts[:, 2, None] * self.outward(axis, places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +96,6 @@ class Measured:
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
     samples: of the whole blocks; None where the settings do nothing with them.
     lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
-    fringes: how far its channels are displaced, which `blocks` and `samples` are not any more; None = they are not.
 
     >>> import numpy as np
     >>> from offline import Measured
@@ -139,7 +112,6 @@ class Measured:
     samples: BlockSamples | None = None
     lost: ByteArray | None = None
     exponent: int = 0
-    fringes: Fringes | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -18,19 +18,18 @@ from shared.networks import network_for
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .aberration import without_aberration
 from .blocks import BlockSums
 from .cleaned import Cleaned, unclipped_blocks
 from .kernels.mixing import colour
 from .measured import Measured, Stages
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
-from .rows.fringes import faults_of_lens
 from .rows.learned import Learned
 from .rows.lines import OnLines
 from .rows.pinning import Pinning
 from .rows.propagation import Propagation
 from .rows.refinement import Refinement
+from .rows.shading import EvenLight
 from .settings import BEST, RenderSettings
 from .sites import block_samples, settle_luminance
 from .solvers import Solved, SolverLog
@@ -40,7 +39,6 @@ from .whole.chromaticity import estimate_chromaticities
 from .whole.colour_lines import colour_lines
 from .whole.defects import mend_defects
 from .whole.denoising import denoise_luminance
-from .whole.fringes import find_fringes, registered_samples
 from .whole.highlights import clipping_level, restore_highlights
 from .whole.luminance import recover_luminance
 from .whole.noise import with_noise
@@ -110,7 +108,9 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
             Learned(network, samples, gamma) if settings.learned.used and (network := network_for(measured.pattern)) else None,
         ]
-    return [stage for stage in [*stages, *faults_of_lens(measured)] if stage is not None]
+    if (shading := measured.calibration.shading) is not None:
+        stages.append(EvenLight(shading, measured.shape))
+    return [stage for stage in stages if stage is not None]
 
 
 def render(
@@ -211,15 +211,13 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     del mosaic  # for memory, unless the caller keeps it
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
-    found = find_fringes(frame, luminance, settings.fringes)
-    frame = frame if found is None else registered_samples(frame, luminance, found)
-    measured = replace(coloured(frame, luminance, settings, progress), fringes=found and found.fringes)
-    del frame, luminance, found  # for memory
+    measured = coloured(frame, luminance, settings, progress)
+    del frame, luminance  # for memory
     return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading), exponent=exponent)
 
 
 def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
-    """The samples of a single frame without what is wrong with them: aberration, defects, clipping.
+    """The samples of a single frame without what is wrong with them: defects, clipping.
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise and saturation are those of the
     sensor everywhere; the stage `EvenLight` makes the light even at the end.
@@ -236,7 +234,7 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
 
 
 def _with_defects(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
-    samples = with_noise(registered(mosaic, settings, progress).evenly_shaded(), settings.noise)
+    samples = with_noise(mosaic.evenly_shaded(), settings.noise)
     return Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
 
 
@@ -294,17 +292,6 @@ def settled(measured: Measured, settings: RenderSettings) -> Measured:
         return measured
     luminance = settle_luminance(measured.luminance, measured.blocks, samples, measured.gamma, settings.settling)
     return replace(measured, luminance=luminance)
-
-
-def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Mosaic:
-    """The mosaic as it would be if its lens had no lateral chromatic aberration (see `aberration`); itself if it has none."""
-    if (lens := mosaic.calibration.aberration) is None:
-        return mosaic
-    # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
-    rough, plain = settings.switched(False), replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
-    progress.stage("aberration", mosaic.shape[0])
-    measured = measure(plain, rough)  # needs the most memory, and comes before what is kept beside it
-    return without_aberration(mosaic, lens, parts_of(measured, rough), progress)
 
 
 def parts_of(

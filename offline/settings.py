@@ -119,13 +119,6 @@ class DenoisingSettings(StageSettings):
 
 
 @dataclass(frozen=True)
-class FringesSettings(Switch):
-    """Channels that a lens or quads displace: measured, and colour estimated without it (see `whole.fringes`); not in the paper."""
-
-    kernels = ("fringe_equations",)
-
-
-@dataclass(frozen=True)
 class ChromaticitySettings(StageSettings):
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
@@ -264,7 +257,6 @@ class RenderSettings:
     highlights: HighlightsSettings = HighlightsSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
-    fringes: FringesSettings = FringesSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
     lines: LineSettings = LineSettings()
@@ -278,7 +270,7 @@ class RenderSettings:
 
     @property
     def asks_for_codes(self) -> bool:
-        """Whether it matters which samples are saturated; if not, and without aberration, `in_scene_units` renders the same."""
+        """Whether it matters which samples are saturated; if not, `in_scene_units` renders the same."""
         return self.defects.used or self.highlights.used or self.asks_for_sites
 
     @property

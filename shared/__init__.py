@@ -1,6 +1,5 @@
 """The camera itself: filter pattern, calibration, mosaic, sensor model and file format. README.md in this folder explains them."""
 
-from .aberration import Aberration
 from .block_grid import BlockGrid
 from .calibration import NoiseModel, SensorCalibration
 from .camera import Camera, read_camera
@@ -11,7 +10,6 @@ from .pattern import CfaPattern
 from .shading import Shading
 
 __all__ = [
-    "Aberration",
     "BlockGrid",
     "Camera",
     "CaptureMetadata",

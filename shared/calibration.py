@@ -10,21 +10,21 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
-from .aberration import Aberration
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
 from .figures import numbers, shown, whole
-from .lens import OfLens
 from .lights import COLOUR_RANGE, Lights, checked_lights, checked_matrix, colours_under, lights_from_json
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
 
 SCHEMA = 1
+OPTIONAL = "neutral_estimated", "shading", "aberration", "lights"
+"""Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
@@ -116,7 +116,7 @@ class SensorCalibration:
     sensor: a name for people.
     camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
     shading: of lens and sensor; None = unknown, treated as none. Noise and levels are those before its gain.
-    aberration: lateral chromatic aberration of the lens; None = unknown, treated as none.
+    aberration: JSON text of the lateral chromatic aberration that a file names; "" = none. It is kept in files, and not used.
     lights: the colours under two lights; None = one. `camera_to_xyz` follows from them and from `neutral`, see `colours_under`.
 
     >>> from shared import SensorCalibration
@@ -141,7 +141,7 @@ class SensorCalibration:
     sensor: str = ""
     camera: str = ""
     shading: Shading | None = None
-    aberration: Aberration | None = None
+    aberration: str = ""
     lights: Lights | None = None
 
     def __post_init__(self) -> None:
@@ -180,8 +180,8 @@ class SensorCalibration:
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
-        for fault in self.lens:
-            fault.check_channels(letters)
+        if self.shading is not None:
+            self.shading.check_channels(letters)
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -201,14 +201,12 @@ class SensorCalibration:
         }
         return cls(**{**levels, **fields})
 
-    @property
-    def lens(self) -> tuple[OfLens, ...]:
-        """What is known of the lens: shading, aberration."""
-        return tuple(fault for name in LENS if (fault := getattr(self, name)) is not None)
-
-    def zoomed(self, focal_length: float | None) -> tuple[str, ...]:
-        """Remarks on a shot at this focal length, millimetres: one for each part of `lens` that was measured at another one."""
-        return tuple(remark for each in self.lens if (remark := each.zoomed(focal_length)))
+    def lens_remarks(self, focal_length: float | None) -> tuple[str, ...]:
+        """Remarks on a shot at this focal length, millimetres: shading from another one, and an aberration that is ignored."""
+        remarks = [self.shading.zoomed(focal_length)] if self.shading else []
+        if self.aberration:
+            remarks.append("its calibration names a lateral chromatic aberration, which is ignored: the sensor hardly sees it")
+        return tuple(filter(None, remarks))
 
     @property
     def knows_white(self) -> bool:
@@ -258,9 +256,11 @@ class SensorCalibration:
     def to_json(self) -> dict[str, Any]:
         """The calibration as a JSON object; `from_json` turns it back."""
         document = {"schema": SCHEMA, **asdict(self)}
-        for name in ("neutral_estimated", *LENS, "lights"):  # so that ids and files from before there were these stay the same
+        for name in OPTIONAL:  # so that ids and files from before there were these stay the same
             if not document[name]:
                 del document[name]
+        if self.aberration:
+            document["aberration"] = json.loads(self.aberration)
         if self.lights:
             del document["camera_to_xyz"]
         return document
@@ -283,9 +283,10 @@ class SensorCalibration:
             if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
                 raise InputError('calibration: noise is not an object with "shot" and "read"')
             given["noise"] = NoiseModel(**noise)
-        for name, fault in LENS.items():
-            if name in given:
-                given[name] = fault.from_json(given[name])
+        if "shading" in given:
+            given["shading"] = Shading.from_json(given["shading"])
+        if "aberration" in given:
+            given["aberration"] = json.dumps(given["aberration"])
         if given.get("lights") is not None:
             if given.get("camera_to_xyz") is not None:
                 raise InputError("calibration: has lights and camera_to_xyz, which follows from them: leave one of them out")
@@ -295,15 +296,6 @@ class SensorCalibration:
     def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
         _check_range(name, getattr(self, name), limits)
-
-
-LENS: dict[str, type[OfLens]] = {
-    each.name: kind
-    for each in fields(SensorCalibration)
-    for kind in get_args(each.type)
-    if isinstance(kind, type) and issubclass(kind, OfLens)
-}
-"""The fields of a calibration that describe faults of the lens, and their classes."""
 
 
 def _absent(values: Any) -> bool:

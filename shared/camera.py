@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .calibration import LENS, SensorCalibration
+from .calibration import SensorCalibration
 from .errors import InputError
 from .figures import parsed_json, shown
 from .mosaic import Mosaic
@@ -19,8 +19,9 @@ from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
 from .white_balance import balanced, estimate_neutral
 
-MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", *LENS)
-"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral, or lights."""
+MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
+"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral, or lights. Nothing measures
+"aberration" any more."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Camera:
         # A shot of a picture says 1, 1, 1, for pictures are balanced; sensors are not.
         measured = None if known.lights and white.neutral and len(set(white.neutral)) == 1 else white.neutral
         # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
-        parts = ("noise", "defects", "sensor", *LENS)
+        parts = ("noise", "defects", "sensor", "shading", "aberration")
         kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
         calibration = replace(
             known,

@@ -21,8 +21,8 @@ class Mosaic:
         negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is float32, read-only and owns its
         memory, or uint16 in whole rows and nobody can write to it (`is_frozen`): a camera has no time for a copy.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, when pattern and calibration name different channels, and when shading or aberration were measured on
-    frames of another shape.
+    the calibration's bits, when pattern and calibration name different channels, and when shading was measured on frames of
+    another shape.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -146,8 +146,8 @@ class Mosaic:
     def _check_calibration(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless the calibration is for this pattern and for frames of this shape."""
         self.calibration.check_pattern(self.pattern)
-        for each in self.calibration.lens:
-            each.check(shape)
+        if self.calibration.shading is not None:
+            self.calibration.shading.check(shape)
 
     def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
         """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""

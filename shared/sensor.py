@@ -19,18 +19,16 @@ MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers much beyond it; no pixel
 
 def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
     """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site, Eq. 7 elsewhere,
-    as the lens displaces the channels, less what shading takes.
+    less what shading takes.
 
     rgb: the scene, (H, W, C), scene units, channels in the order of the pattern.
     pattern: the filter pattern, with C channels.
-    calibration: its gamma, its aberration and its shading are used.
+    calibration: its gamma and its shading are used.
     Raises InputError when the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
         raise InputError(f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels ({pattern.channels})")
     calibration.check_pattern(pattern)
-    if calibration.aberration is not None:
-        rgb = calibration.aberration.displaced(rgb)
     with np.errstate(over="ignore"):  # a mosaic refuses infinite samples
         samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(np.float32, copy=False)  # Eq. 7
     for channel, rows, columns in pattern.lattices:

@@ -5,17 +5,22 @@ over the frame, so that it also serves frames with fewer, larger pixels of the s
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import FloatArray
 from .errors import InputError
-from .figures import tables
-from .lens import OfLens, spline_weights
+from .figures import number, shown, tables
 
+Number = TypeVar("Number", bound=np.floating)
+
+ZOOMED = 0.02
+"""Relative difference of focal lengths from which on they are two."""
+_STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
 _LARGEST = 1e4  # control point: those beyond the edges, of which little is seen, may be far from the gain
@@ -25,7 +30,7 @@ _MIDDLE = 0.01  # how far the gain in the middle may be from 1
 
 
 @dataclass(frozen=True)
-class Shading(OfLens):
+class Shading:
     """The gain that undoes the shading of each plane, 1 in the middle of the frame.
 
     gain: control points of uniform cubic B-splines over the frame: plane (the channels, then panchromatic), row, column; 4 to 32
@@ -40,8 +45,6 @@ class Shading(OfLens):
     >>> even.of_plane((800, 1200), 0, slice(0, 2), slice(0, 3)).tolist()
     [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
     """
-
-    _name, _harm = "shading", "colours towards the corners may be wrong"
 
     gain: tuple[tuple[tuple[float, ...], ...], ...]
     size: tuple[int, int]
@@ -71,10 +74,61 @@ class Shading(OfLens):
         if np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(f"shading: the gains in the middle of the frame are {middle.tolist()}, expected 1")
 
+    def _check_frame(self) -> None:
+        """Check `size` and `focal_length`, and make `size` a tuple. Raises InputError that names the field."""
+        sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
+        if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
+            raise InputError(f"shading: size is {shown(self.size)}, expected [rows, columns]")
+        object.__setattr__(self, "size", sides)
+        if self.focal_length is not None:
+            self._check_figure("focal_length")
+
+    def _check_figure(self, name: str) -> None:
+        value = number(f"shading: {name}", getattr(self, name))
+        if not 0 <= value < 1e6:
+            raise InputError(f"shading: {name} is {value:g}, expected 0 to a million")
+
     def check_channels(self, channels: str) -> None:
         """Raise InputError unless there is one map for each of these channels (letters), and one for panchromatic."""
         if len(self.gain) != len(channels) + 1:
             raise InputError(f"calibration: shading has {len(self.gain)} planes, expected {len(channels) + 1} ({channels}W)")
+
+    @classmethod
+    def from_json(cls, document: Any) -> "Shading":
+        """Return what a JSON object with this class's fields describes. Raises InputError that names the field."""
+        known = {each.name: each.default is MISSING for each in fields(cls)}
+        required = {name for name, needed in known.items() if needed}
+        if not isinstance(document, dict) or not required <= document.keys() <= known.keys():
+            *names, last = (f'"{name}"' for name in known)
+            raise InputError(f"calibration: shading is not an object with {', '.join(names)} and {last}")
+        return cls(**document)
+
+    def check(self, shape: tuple[int, int]) -> None:
+        """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
+        if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
+            raise InputError(
+                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
+                f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such frames, into a camera file of its own"
+            )
+
+    @property
+    def at_focal_length(self) -> str:
+        """Its focal length, for people; "" if it is unknown."""
+        return f" at {self.focal_length:g} mm" if self.focal_length else ""
+
+    def zoomed(self, focal_length: float | None) -> str:
+        """A note on a shot at this focal length, millimetres: "" unless this was measured at another one.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
+        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
+        """
+        known = self.focal_length
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
+            return ""
+        return (
+            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
+        )
 
     def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
         """The gain of a plane in a part of a frame, float32 (rows, columns).
@@ -118,6 +172,21 @@ class Shading(OfLens):
         '0.00 stops, 0.0 % between colours at 35 mm'
         """
         return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{self.at_focal_length}"
+
+
+def spline_weights(t: NDArray[Number]) -> NDArray[Number]:
+    """Return the weights of the four control points of a uniform cubic B-spline around places 0 <= t < 1, (4, ...).
+
+    The places lie between the second and the third control point.
+
+    >>> import numpy as np
+    >>> from shared.shading import spline_weights
+    >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
+    [1.0, 4.0, 1.0, 0.0]
+    """
+    weights: NDArray[Number] = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3])
+    weights /= t.dtype.type(6)
+    return weights
 
 
 def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared import Aberration, Shading
+from shared import Shading
 from shared.arrays import FloatArray
 
 
@@ -31,8 +31,3 @@ def darker_corners(shape: tuple[int, int], planes: int = 4, colour: float = 0.15
     square = place[:, None] ** 2 + place**2 - 2 * step**2 / 3
     slopes = 6 * (1 + colour * np.linspace(-1, 1, planes))
     return Shading((1 + slopes[:, None, None] * square).tolist(), shape)
-
-
-def displaced_channels(shape: tuple[int, int]) -> Aberration:
-    """The aberration of a lens that displaces the outer two of three channels, by a few thousandths of the distance."""
-    return Aberration(((0.004, 0.001), (0.0, 0.0), (-0.003, 0.0005)), shape)

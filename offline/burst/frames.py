@@ -13,7 +13,6 @@ from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
 from ..gaussian import gaussian, smoothed
-from ..render import registered
 from ..settings import NoiseSettings, RenderSettings
 from ..whole.defects import mend_defects
 from ..whole.highlights import clipping_level
@@ -137,9 +136,9 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
 
 
 def prepared(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
-    """A frame as it is merged: without aberration, shading and defects. noise: see `noise_models`."""
+    """A frame as it is merged: without shading and defects. noise: see `noise_models`."""
     known = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise and noise.possible()))
-    samples = registered(known, settings, progress).in_scene_units()
+    samples = known.in_scene_units()
     bare = replace(samples, calibration=replace(samples.calibration, shading=None))
     frame = mend_defects(Cleaned(bare, limit_of(mosaic), estimated=mosaic.calibration.noise is None), settings.defects)
     light = recover_luminance(frame.mosaic, settings.luminance)

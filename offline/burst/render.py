@@ -23,12 +23,10 @@ from ..kernels.merging import merge
 from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
-from ..rows.fringes import faults_of_lens
 from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
 from ..whole.denoising import denoise_luminance
-from ..whole.fringes import find_fringes, registered_samples
 from .copies import copies
 from .judging import Comparison, Judged, Kept, as_arrays, compared, displaced
 from .samples import ColourSamples, Spreading, alone_of, relit_sites
@@ -99,9 +97,7 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
     """
 
     def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-        registered = replace(measured, fringes=None)  # until samples have corrected the picture
-        spreading = Spreading(merged.samples, measured, progress)
-        return [*row_stages(registered, settings, progress), spreading, *faults_of_lens(measured)]
+        return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
 
     return colour_bands(merged.measured, settings, progress, stages)
 
@@ -115,10 +111,6 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     luminance = denoised(merged, cleaned.mosaic, settings)
     samples = ColourSamples.of(found.kept, merged.light, merged.weight, sites)
     samples = samples.relit(luminance - merged.luminance).where_others(luminance, merged.shares)
-    fringes = find_fringes(cleaned, luminance, settings.fringes)
-    if fringes is not None:
-        samples = samples.registered(luminance, fringes, sites, cleaned.gamma)
-        cleaned = registered_samples(cleaned, luminance, fringes)
     sums = samples.block_sums(sites) if len(found.kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
@@ -128,7 +120,6 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     # Where the reference is not alone, others measure luminance under its sites.
     others = Others(sums, alone.astype(np.float32))
     measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
-    measured = replace(measured, fringes=fringes and fringes.fringes)
     return measured, samples.relit(measured.luminance - luminance), merged.shares
 
 

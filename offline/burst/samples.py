@@ -15,18 +15,16 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.progress import SILENT, Progress
 
 from ..blocks import BlockSums, Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
-from ..kernels.fringes import MOST
 from ..kernels.spreading import HALO, TILE, TOLERANCE, Samples, spread_samples, tiles_of
 from ..measured import Measured
 from ..parts import Look, Part, RowStage
 from ..solvers import report
-from ..whole.fringes import FoundFringes
 from .frames import FILL_ERROR, NEIGHBOURHOOD, SHARED, TINY
 from .judging import Kept
 
@@ -83,18 +81,6 @@ class ColourSamples:
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
-
-    def registered(self, luminance: FloatArray, found: FoundFringes, sites: Sites, gamma: DoubleArray) -> "ColourSamples":
-        """The samples as if no channel were displaced. luminance: (H, W). sites: of the reference. gamma: (C,)."""
-        y, x = (found.fringes.seen(axis, self.places[:, axis]) for axis in (0, 1))
-        seen = np.stack([map_coordinates(luminance, each, mode="nearest") for each in zip(y, x, strict=True)], axis=1)
-        block = np.rint((self.places - sites.middle) / sites.grid.period).astype(np.intp)
-        down, across = block.clip(0, np.array(sites.shape) - 1).T
-        whole = np.einsum("mc,mc,c->m", seen, found.colour[down, across], gamma)
-        own = np.take_along_axis(seen, self.channels[:, None].astype(np.intp), axis=1)[:, 0]
-        lit = (own > 0) & (whole > 0)
-        factor = np.where(lit, whole, 1) / np.where(lit, own, 1)
-        return replace(self, values=(self.values * factor.clip(1 / MOST, MOST)).astype(np.float32))
 
     def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one frame.

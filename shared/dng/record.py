@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from ..calibration import LENS, SensorCalibration
+from ..calibration import OPTIONAL, SensorCalibration
 from ..errors import InputError
 from ..figures import parsed_json
 from ..figures import whole as whole_number
@@ -20,7 +20,6 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
-_BESIDE = ("neutral_estimated", *LENS, "lights")  # fields of the calibration that stand beside it in the record
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "samples": samples.hex(),
         "preview": preview_digest(preview),
         "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
-        **{name: calibration.pop(name) for name in _BESIDE if name in calibration},
+        **{name: calibration.pop(name) for name in OPTIONAL if name in calibration},  # they stand beside the calibration
         "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
     }
@@ -88,7 +87,7 @@ def decode_record(data: bytes) -> Record:
         given = document["pattern"]
         row, column = (whole_number("origin", place) for place in given["origin"])
         pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
-        known = {**document["calibration"], **{name: document[name] for name in _BESIDE & document.keys()}}
+        known = {**document["calibration"], **{name: document[name] for name in document.keys() & OPTIONAL}}
         rows, columns = (whole_number("shape", length) for length in document["shape"])
         samples, preview = document["samples"], document["preview"]
         if not (isinstance(samples, str) and isinstance(preview, str)):

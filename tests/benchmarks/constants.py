@@ -30,7 +30,6 @@ from offline import BEST, PAPER, RenderSettings, render, use_threads
 from offline.burst import merge_burst, render_burst_bands
 from offline.kernels.compile import sources
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.aberration import Aberration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.harness import PATTERN, middle, options
@@ -45,7 +44,6 @@ _SETTING = "settings"
 _NAME = re.compile(r"_?[A-Z][A-Z0-9_]*")
 _LEFT_OUT = {"memory.py", "ahead.py", "compile.py", "version.py"}  # about memory and compilation, not about pictures
 _REFUSED = "refused"
-_LENS = ((2e-3, 0.0), (0.0, 0.0), (-2e-3, 0.0))  # a quarter of a pixel in the corners of a crop
 _MOTIONS = (0.0, 0.0), (1.25, 2.5), (2.0, -1.75), (-2.4, 1.1)  # pixels
 
 
@@ -155,11 +153,6 @@ def _defective(scene: FloatArray, settings: RenderSettings, rng: np.random.Gener
     return render(replace(taken, samples=samples), settings).rgb
 
 
-def _aberrant(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
-    lens = Aberration(_LENS, (SIDE, SIDE))
-    return render(simulate_additive(scene, PATTERN, SensorCalibration(aberration=lens), 0.01, rng), settings).rgb
-
-
 def _burst(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
     moved = (shift(scene, (*motion, 0.0), mode="mirror").astype(np.float32) for motion in _MOTIONS)
     merged = merge_burst([_shot(each, 0.02, rng) for each in moved], settings, reference=0)
@@ -173,13 +166,12 @@ CASES: dict[str, Callable[[FloatArray, RenderSettings, np.random.Generator], Flo
     "unknown": lambda scene, settings, rng: render(_shot(scene, 0.02, rng, known=False), settings).rgb,
     "bright": _bright,
     "defects": _defective,
-    "lens": _aberrant,
     "scattered": lambda scene, settings, rng: render(_shot(scene, 0.01, rng, letters="WBWG/BWGW/WGWR/GWRW"), settings).rgb,
     "paper": lambda scene, _, rng: render(_shot(scene, 0.01, rng), PAPER).rgb,
     "burst": _burst,
 }
 """clean, 0.01, 0.03: noise of this standard deviation, and the model of it. unknown: 0.02, without a model. bright: exposed by a
-stop too much, as a sensor does. defects: 0.01, and one sample in a thousand reads anything. lens: 0.01, with chromatic aberration.
+stop too much, as a sensor does. defects: 0.01, and one sample in a thousand reads anything.
 scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02, for what no single frame needs."""
 
 

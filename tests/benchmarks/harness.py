@@ -33,7 +33,7 @@ _SIGMA, _BITS = 0.01, 12
 _STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
 _PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
 Corners = tuple[float, float]
-"""The two figures of a lens, as `lens_shading` or `lens_aberration` take them."""
+"""The two figures of a lens, as `lens_shading` takes them."""
 Pictures = Callable[[Mapping[str, FloatArray], float, Corners, "RenderSettings"], Iterator[tuple[str, str, FloatArray]]]
 """Of scenes (H, W, 3) by their source, a sigma, a lens and settings: source, name of what is compared, and its picture."""
 Work = Callable[[], object]
@@ -69,7 +69,7 @@ def middle(rgb: FloatArray, side: int) -> FloatArray:
 
 
 def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -> Mosaic:
-    """A shot of a scene as it is in a file. lens: `shading` or `aberration` of the sensor's calibration."""
+    """A shot of a scene as it is in a file. lens: `shading` of the sensor's calibration."""
     taken = simulate_additive(rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed))
     return Mosaic(taken.codes, PATTERN, taken.calibration)
 

@@ -41,7 +41,7 @@ _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same t
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
 _FILLED = replace(BEST.luminance, learned=False)
 _CHROMATICITY = replace(BEST.chromaticity, mismatch=0.0)
-_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=_CHROMATICITY, fringes=BEST.fringes)
+_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=_CHROMATICITY)
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),
@@ -52,7 +52,6 @@ STEPS = {
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
     "`best`, no networks": PRESETS["unlearned"],
     "`best`, no networks, no correction by the samples": _UNCORRECTED,
-    "`best`, fringes not measured": replace(BEST, fringes=PAPER.fringes),
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
     "`best`, with refinement": replace(BEST, refinement=PAPER.refinement),

@@ -21,7 +21,6 @@ from device import Preview
 from offline import PRESETS, render
 from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
-from shared.aberration import Aberration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
@@ -39,7 +38,7 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
 EIGHT = ("HIJ", "KWL", "NOP"), ("HIJK", "LNOP")
 TAKES = ("exact", "exact", "exact", "noisy", "codes")
 NOISES = ("none", "none", "unknown", "typical", "no read noise", "no shot noise", "tiny", "tiny shot noise", "huge")
-LENSES = ("none", "none", "none", "shading", "aberration", "both")
+LENSES = ("none", "none", "none", "shading")
 _ORDINARY = 0.3  # least gamma; beyond it and its inverse a picture has to be finite and moderate
 _EVEN = 1e-3  # of the brightest: what a constant scene may be off by; the solvers end at residuals of this size
 _SHADED = 0.03  # likewise with shading, whose slopes over a few pixels are harder to fill in than any lens's
@@ -157,8 +156,7 @@ def _calibration(
         (black,) * (count + 1),
         (1 << bits) - 1,
         defects=random.choice(((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))),
-        shading=Shading(points, shape) if lens in ("shading", "both") else None,
-        aberration=Aberration(((0.0, 0.0), *[(0.01, -0.005)] * (count - 1)), shape) if lens in ("aberration", "both") else None,
+        shading=Shading(points, shape) if lens == "shading" else None,
     )
 
 

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import shift
 
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
 from offline.settings import PoolingPass, Switch
 from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError
-from tests.offline.scenes import gamma_of, materials, shot
+from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
@@ -52,7 +51,6 @@ MOVED: dict[str, dict[str, Change]] = {
     **{name: {"used": (False, None)} for name in SWITCHES},
     "trust": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
-    "fringes": {"used": (False, 0.005)},
 }
 # Parts that a damaged shot has need of, whose colours are on a line.
 BEYOND = ("defects", "highlights", "lines")
@@ -82,15 +80,7 @@ def damaged_shot(sigma: float | None) -> Mosaic:
     return Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
 
 
-def displaced_shot(sigma: float | None) -> Mosaic:
-    """A shot whose red lies 0.4 pixels lower and to the right, and other channels do not."""
-    scene = materials((150, 180), 3)
-    scene[..., 0] = shift(scene[..., 0], 0.4, mode="mirror")
-    pattern = CfaPattern.bayer(4, origin=(1, 2))
-    return observe(scene, pattern, gamma_of(pattern), sigma, np.random.default_rng(1).normal(scale=sigma or 0, size=(150, 180)))
-
-
-SHOTS = {**dict.fromkeys(BEYOND, damaged_shot), "fringes": displaced_shot}
+SHOTS = dict.fromkeys(BEYOND, damaged_shot)
 
 
 def test_every_setting_is_moved() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Aberration, CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading, read_camera
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading, read_camera
 from shared.dng import record
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.errors import InputError
@@ -23,7 +23,6 @@ CALIBRATION = SensorCalibration.of_bits(
     camera_to_xyz=np.eye(3).tolist(),
     defects=((1, 2),),
     shading=SHADING,
-    aberration=Aberration([[0.001, 0], [0, 0], [0, 0.001]], (800, 1200)),  # type: ignore[arg-type]
 )
 DOCUMENT = {
     **CALIBRATION.to_json(),
@@ -69,8 +68,6 @@ def test_whatever_is_no_number_in_a_camera_file_is_refused(path: tuple[Any, ...]
     [
         lambda figure: Shading([[[figure] * 4] * 4] * 4, (800, 1200)),  # type: ignore[arg-type]
         lambda figure: Shading(SHADING.gain, (800, figure)),
-        lambda figure: Aberration([[figure, 0], [0, 0], [0, 0]], (800, 1200)),  # type: ignore[arg-type]
-        lambda figure: Aberration([[0, 0]] * 3, (800, 1200), figure if figure is not None else "35"),  # type: ignore[arg-type]
         lambda figure: SensorCalibration(gamma=(figure, 1, 1)),
         lambda figure: SensorCalibration(defects=((figure, 1),)),
     ],

@@ -1,4 +1,4 @@
-"""What is measured of a lens: shading and aberration as values, in shots and camera files, and in what a sensor sees."""
+"""Shading as a value, in shots and camera files, and in what a sensor sees; and an aberration of earlier versions."""
 
 import json
 from dataclasses import replace
@@ -8,28 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
-from scipy.ndimage import map_coordinates
 
-from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
+from offline import render
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
 from shared.shading import basis
 from shared.white_balance import estimate_neutral
-from tests.scenes import darker_corners, displaced_channels
+from tests.scenes import darker_corners
 
 SHAPE = (61, 90)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))
 BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
 DARKER = darker_corners(SHAPE)
-KNOWN = {"shading": DARKER, "aberration": displaced_channels(SHAPE)}
+DOCUMENT = {"radial": [[0.001, 0.0], [0, 0], [-0.001, 0.0]], "size": [61, 90], "focal_length": 35}
+KNOWN = {"shading": DARKER, "aberration": json.dumps(DOCUMENT)}
 SHADED = replace(BARE, shading=DARKER)
-FRINGED = Aberration([(0.02, 0.01), (0, 0), (-0.01, -0.02)], SHAPE, 35)  # type: ignore[arg-type]
 EVEN = [[[1.0] * 4] * 4] * 4
-FIGURES: dict[str, tuple[type[Shading] | type[Aberration], dict[str, Any]]] = {
-    "shading": (Shading, {"gain": EVEN, "size": SHAPE}),
-    "aberration": (Aberration, {"radial": [[0, 0]] * 3, "size": SHAPE}),
-}
+FIGURES: dict[str, Any] = {"gain": EVEN, "size": SHAPE}
 
 
 def scene() -> FloatArray:
@@ -52,57 +49,58 @@ def test_files_keep_it(part: str, tmp_path: Path) -> None:
     assert getattr(Camera(BARE).calibrated(taken).calibration, part) == KNOWN[part]  # what the camera file does not know
 
 
-@pytest.mark.parametrize("part", FIGURES)
-def test_it_is_of_one_sensor_and_its_document_is_checked(part: str) -> None:
-    kind, figures = FIGURES[part]
-    documents: list[Any] = [[], {"size": SHAPE}, {**figures, "more": 1}]
+def test_an_aberration_of_earlier_versions_is_ignored_with_a_remark_and_stays_in_files() -> None:
+    calibration = SensorCalibration.from_json({**BARE.to_json(), "aberration": DOCUMENT})
+    assert calibration.to_json()["aberration"] == DOCUMENT
+    assert calibration.lens_remarks(None) == (
+        "its calibration names a lateral chromatic aberration, which is ignored: the sensor hardly sees it",
+    )
+    assert BARE.lens_remarks(50) == ()
+    plain, named = shot_by(BARE), shot_by(calibration)
+    assert np.array_equal(plain.codes, named.codes)
+    assert np.array_equal(render(plain).rgb, render(named).rgb)
+
+
+def test_shading_is_of_one_sensor_and_its_document_is_checked() -> None:
+    documents: list[Any] = [[], {"size": SHAPE}, {**FIGURES, "more": 1}]
     for wrong in documents:
         with pytest.raises(InputError, match="is not an object with"):
-            kind.from_json(wrong)
+            Shading.from_json(wrong)
     for name, value in (("size", (0, 5)), ("size", 5), ("focal_length", "50"), ("focal_length", -1)):
         with pytest.raises(InputError, match=f"{name} is "):
-            kind(**{**figures, name: value})
-    known = replace(BARE, **{part: kind(**figures)})  # type: ignore[arg-type]
-    assert part not in BARE.to_json()
-    assert (BARE.lens, known.lens, BARE.id != known.id) == ((), (kind(**figures),), True)
+            Shading(**{**FIGURES, name: value})
+    known = replace(BARE, shading=Shading(**FIGURES))
+    assert "shading" not in BARE.to_json()
+    assert BARE.id != known.id
     with pytest.raises(InputError, match="measured on frames of 90 x 61 pixels, and the frame has 90 x 90"):
         Mosaic(np.zeros((90, 90), np.float32), PATTERN, known)
     Mosaic(np.zeros((122, 180), np.float32), PATTERN, known)  # larger pixels of the same sensor
 
 
 @pytest.mark.parametrize(
-    ("part", "changed", "words"),
+    ("changed", "words"),
     [
-        ("shading", {"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
-        ("shading", {"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
-        ("shading", {"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
-        ("shading", {"gain": [[[float("nan")] * 4] * 4] * 4}, "gain holds a figure"),
-        ("shading", {"gain": [[[-1.0] * 4] * 4] * 4}, "the gains are -1 to -1"),
-        ("shading", {"gain": [[[1.1] * 4] * 4] * 4}, "in the middle of the frame"),
-        ("shading", {"residual": -1.0}, "residual is -1"),
-        ("aberration", {"radial": [(0.1, 0), (0, 0), (0, 0)]}, "holds a figure that is not -0.05 to 0.05"),
-        ("aberration", {"radial": [(float("nan"), 0), (0, 0), (0, 0)]}, "holds a figure"),
-        ("aberration", {"radial": [(0.01, 0), (0.01, 0), (0.01, 0)]}, "one channel with"),
-        ("aberration", {"radial": [0.01, 0, 0]}, "radial is 0.01, expected a list of numbers"),
-        ("aberration", {"radial": [("0.01", 0), (0, 0), (0, 0)]}, r"radial is \('0.01', 0\), expected a list of numbers"),
+        ({"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
+        ({"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
+        ({"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
+        ({"gain": [[[float("nan")] * 4] * 4] * 4}, "gain holds a figure"),
+        ({"gain": [[[-1.0] * 4] * 4] * 4}, "the gains are -1 to -1"),
+        ({"gain": [[[1.1] * 4] * 4] * 4}, "in the middle of the frame"),
+        ({"residual": -1.0}, "residual is -1"),
     ],
 )
-def test_what_is_none_is_refused(part: str, changed: dict[str, Any], words: str) -> None:
-    kind, figures = FIGURES[part]
+def test_what_is_no_shading_is_refused(changed: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        kind(**{**figures, **changed})
+        Shading(**{**FIGURES, **changed})
 
 
 def test_other_channels_are_refused_and_another_focal_length_is_told() -> None:
     assert SensorCalibration().id == "cf85a866dfbe7789"  # as before a calibration had parts of the lens
     with pytest.raises(InputError, match=r"shading has 3 planes, expected 4 \(RGBW\)"):
         SensorCalibration(shading=Shading(EVEN[:3], SHAPE))  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"aberration has 2 channels, expected 3 \(RGB\)"):
-        SensorCalibration(aberration=Aberration([(0, 0), (0, 0)], SHAPE))  # type: ignore[arg-type]
-    assert (
-        FRINGED.zoomed(50) == "taken at 50 mm, but its chromatic aberration was measured at 35 mm: fringes may remain, or be made"
-    )
-    assert FRINGED.zoomed(35.5) == FRINGED.zoomed(None) == ""
+    zoom = replace(DARKER, focal_length=35)
+    assert zoom.zoomed(50) == "taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong"
+    assert zoom.zoomed(35.5) == zoom.zoomed(None) == ""
 
 
 def test_a_part_has_the_gain_of_the_whole() -> None:
@@ -145,31 +143,3 @@ def test_the_neutral_is_estimated_without_it() -> None:
     lens = replace(BARE, shading=darker_corners((120, 180), colour=0.3))
     shot = simulate_sensor(grey, PATTERN, lens, 1.0, np.random.default_rng(0))
     assert estimate_neutral(shot) == pytest.approx((0.4 / 0.6, 1, 0.5 / 0.6), rel=0.02)
-
-
-def test_channels_are_displaced_by_cubic_splines() -> None:
-    rgb, (y, x) = scene(), np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
-    y0, x0 = (SHAPE[0] - 1) / 2, (SHAPE[1] - 1) / 2
-    square = ((y - y0) ** 2 + (x - x0) ** 2) / (y0**2 + x0**2)
-    seen = FRINGED.displaced(rgb)
-    for channel, (a, b) in enumerate(FRINGED.radial):
-        size = 1 + a + b * square
-        places = y0 + (y - y0) * size, x0 + (x - x0) * size
-        expected = map_coordinates(rgb[..., channel].astype(float), places, order=3, mode="mirror")
-        np.testing.assert_allclose(seen[..., channel], expected, atol=2e-6)
-    assert np.array_equal(seen[..., 1], rgb[..., 1])
-
-
-def test_displacements_are_told_in_pixels() -> None:
-    half = np.hypot(60, 89) / 2
-    assert FRINGED.corner(SHAPE) == pytest.approx((0.03 * half, 0, -0.03 * half))
-    assert FRINGED.reach(SHAPE) == pytest.approx(0.03 * half)
-    turning = Aberration([(0, 0), (0.04, -0.04), (0, 0)], SHAPE)  # type: ignore[arg-type]
-    assert turning.corner(SHAPE) == (0, 0, 0)
-    assert turning.reach(SHAPE) == pytest.approx(0.04 * half * 2 / 3 / 3**0.5, rel=1e-3)
-
-
-def test_the_sensor_sees_what_the_lens_makes_of_a_scene() -> None:
-    assert np.array_equal(
-        sample(scene(), PATTERN, replace(BARE, aberration=FRINGED)), sample(FRINGED.displaced(scene()), PATTERN, BARE)
-    )

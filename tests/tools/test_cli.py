@@ -227,8 +227,9 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
 
 
 def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:
-    for option in (("--burst", "3", "--bracket", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
-        run("simulate", "builtin:60x60", "-o", tmp_path / option[-1], *option, code=0)
+    for stops in ("-2,0,2", "-.5,1"):
+        frames = str(len(stops.split(",")))
+        run("simulate", "builtin:60x60", "-o", tmp_path / stops, "--burst", frames, "--bracket", stops, code=0)
 
 
 def test_no_command_leaves_anything_in_the_home_or_sends_anything(tmp_path: Path, shots: Path) -> None:

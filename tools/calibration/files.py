@@ -16,14 +16,14 @@ from .gamma import Assumed
 
 Files = dict[str, list[str]]
 """The files to calibrate from: paths of each of `KINDS`, then of the charts under each of two lights, by its name."""
-KINDS = "shots", "dark", "flat", "edges"
+KINDS = "shots", "dark", "flat"
 
 
 def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
     """Sort the given files by kind; returns also what was found and left out in folders.
 
     given: files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under each of two lights. Of shots,
-        what is named dark*, flat* or edges*, or lies in a subfolder of such a name, is a dark or a flat frame or a shot with edges.
+        what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat frame.
 
     Raises InputError for a folder that cannot be read or has no DNG, and for a shot under neither light.
     """

@@ -11,7 +11,7 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
-from shared.lens import ZOOMED
+from shared.shading import ZOOMED
 
 from .samples import CLIPPED, levels_of
 

@@ -16,10 +16,10 @@ from .part import Evidence, Part
 from .parts.colour import colour
 from .parts.dark import black_level, defects
 from .parts.gamma import gamma
-from .parts.lens import aberration, shading
+from .parts.lens import shading
 from .parts.noise import noise
 
-PARTS = (gamma, colour, noise, black_level, defects, shading, aberration)
+PARTS = (gamma, colour, noise, black_level, defects, shading)
 """In the order of the report. None depends on another."""
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
 _MOVED = 2.0  # standard errors of the black level

@@ -9,7 +9,6 @@ from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
-from .aberration import AberrationResult
 from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
 from .chart_gamma import fit_chart_gamma
@@ -99,7 +98,6 @@ class Observations:
     shots: of each shot of a chart or of an ordinary scene.
     lights: the names of the two lights on the charts; () = one light, whose name does not matter.
     shading: of flat frames.
-    aberration: of shots with edges.
     skipped: a line for each frame, or set of frames, that could not be used.
     remarks: why flat frames do not show shading or noise, and why a measurement of before is kept.
     """
@@ -110,7 +108,6 @@ class Observations:
     shots: list[ShotMeasurement] = field(default_factory=list)
     lights: tuple[str, ...] = ()
     shading: ShadingResult | None = None
-    aberration: AberrationResult | None = None
     skipped: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -127,4 +124,4 @@ class Observations:
     @property
     def empty(self) -> bool:
         """Whether no frame could be used."""
-        return not (self.dark or self.flats or self.shots or self.shading or self.aberration)
+        return not (self.dark or self.flats or self.shots or self.shading)

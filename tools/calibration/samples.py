@@ -11,7 +11,6 @@ from itertools import pairwise, product
 import numpy as np
 
 from shared import Mosaic
-from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
@@ -46,7 +45,7 @@ class PlaceSamples:
 def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
     """Return where pixels are, (N, 2): row and column from the middle, in halves of the diagonal of a frame of `shape`."""
     centred = np.stack([rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2], axis=1)
-    return centred / half_diagonal(shape)
+    return 2 * centred / np.hypot(shape[0] - 1, shape[1] - 1)
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:

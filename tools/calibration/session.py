@@ -1,13 +1,10 @@
 """Read and measure the frames of one camera, in the order in which one kind needs what another has shown."""
 
-import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
-
-import numpy as np
 
 from shared import Camera, Mosaic, SensorCalibration, read_dng
 from shared.arrays import DoubleArray
@@ -18,9 +15,7 @@ from tools.host.jobs import reason
 from tools.host.progress import StageProgress
 from tools.host.work import Here, Workers, follow
 
-from .aberration import measure_aberration
 from .dark_frames import measure_dark
-from .edges import Edges, Filled, find_edges
 from .files import KINDS, Files
 from .frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .gamma import Assumed
@@ -59,15 +54,14 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self.seen = Observations()
 
-    def measure(self, files: Files, chart_colours: DoubleArray | None, corners: Matrix | None, filled: Filled) -> Observations:
-        """Measure all frames; chart_colours, corners: see `shots`; filled: see `find_edges`."""
+    def measure(self, files: Files, chart_colours: DoubleArray | None, corners: Matrix | None) -> Observations:
+        """Measure all frames; chart_colours, corners: see `shots`."""
         self.dark(files["dark"])
         self.flat(files["flat"])
         self.shots(files["shots"], chart_colours, corners)
         self.seen.lights = tuple(kind for kind in files if kind not in KINDS)
         for light in self.seen.lights:
             self.shots(files[light], chart_colours, light=light)
-        self.edges(files["edges"], filled)
         return self.seen
 
     def dark(self, paths: Sequence[str]) -> None:
@@ -137,30 +131,6 @@ class Session:
         for shot in self._each(paths, "shot", measured):
             self._console.say(shot.words)
             self.seen.shots.append(replace(shot, light=light))
-
-    def edges(self, paths: Sequence[str], filled: Filled) -> None:
-        """Measure lateral chromatic aberration; what shots state of it does not count."""
-        if not paths:
-            return
-        known: dict[bytes, str] = {}
-        before = np.array(self._old.calibration.gamma) if self._old and "gamma" in self._old.measured else None
-        gamma = fit.gamma if (fit := self.seen.gamma) else before
-
-        def found(path: str, _: StageProgress) -> Edges:
-            mosaic = self._read(path)
-            first = known.setdefault(hashlib.sha256(mosaic.codes.data).digest(), path)
-            if first != path:
-                raise InputError(f"it is the same shot as {first}")
-            return find_edges(Path(path).name, mosaic, filled, gamma)
-
-        shots = list(self._each(list(dict.fromkeys(paths)), "edges", found))
-        self._forget("aberration")
-        with self._skipping(paths):
-            if shots:
-                self.seen.aberration = measure_aberration(shots)
-                self._console.say(self.seen.aberration.words)
-        if self.seen.aberration is None and self._old and self._old.calibration.aberration:
-            self.seen.remarks.append("no chromatic aberration was measured, and the one before is kept")
 
     def _assumed(self, calibration: SensorCalibration) -> Assumed:
         measured = self._old.measured if self._old else {}

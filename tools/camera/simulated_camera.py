@@ -25,7 +25,7 @@ from tools.scenes.scene import Scene
 
 from .burst import SimulatedFrame
 from .filters import Filters, filters_for
-from .lens import LensFault
+from .lens import NO_LENS, Lens
 from .protocols import Protocol, SensorProtocol
 from .protocols.protocol import SensorLight, dimmed
 
@@ -68,14 +68,14 @@ class SimulatedCamera:
     sensor: its calibration; gamma, noise and colours are replaced where they are not known, see `before`.
     measured: whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
     protocol: the noise, and the amount of light.
-    lens: its faults.
+    lens: how it shades.
     """
 
     pattern: CfaPattern
     sensor: SensorCalibration
     measured: bool = False
     protocol: Protocol = FULL_EXPOSURE
-    lens: tuple[LensFault, ...] = ()
+    lens: Lens = NO_LENS
 
     @classmethod
     def of(
@@ -85,7 +85,7 @@ class SimulatedCamera:
         protocol: Protocol = FULL_EXPOSURE,
         *,
         bits: int | None = None,
-        lens: tuple[LensFault, ...] = (),
+        lens: Lens = NO_LENS,
     ) -> "SimulatedCamera":
         """The camera in a camera file, or else one with the channels of the pattern.
 
@@ -118,12 +118,9 @@ class SimulatedCamera:
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
-        calibration, light = self.before(scene, filters), seen
-        for fault in self.lens:
-            calibration = fault.calibrated(calibration, (seen.shape[0], seen.shape[1]))
-            light = fault.blurred(light)
+        calibration = self.lens.calibrated(self.before(scene, filters), (seen.shape[0], seen.shape[1]))
         metadata = frame.metadata(scene.metadata)
-        mosaic = self.protocol.expose(SensorLight(light, white, self.pattern, calibration, metadata), rng)
+        mosaic = self.protocol.expose(SensorLight(seen, white, self.pattern, calibration, metadata), rng)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
 
 

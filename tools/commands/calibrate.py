@@ -1,8 +1,8 @@
-"""Calibrate a camera from a few shots: gamma, noise, black level, defects, colour, shading and chromatic aberration.
+"""Calibrate a camera from a few shots: gamma, noise, black level, defects, colour and shading.
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
-be a folder with DNGs in it or below: what is named dark*, flat* or edges*, or lies in a subfolder of such a name, is a dark or a
-flat frame or a shot for --edges, the others are shots. A shot that cannot be used is skipped, with the reason. All is kept in one
+be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
+frame, the others are shots. A shot that cannot be used is skipped, with the reason. All is kept in one
 camera.json.
 """
 
@@ -22,7 +22,6 @@ from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
-from tools.rendering.in_memory import filled_luminance
 
 from .options import add, numbers, option, text
 
@@ -41,12 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     flat = "evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise"
     option(parser, "--flat F ...", flat)
-    option(
-        parser,
-        "--edges F ...",
-        "shots with many sharp edges all over the frame (or folders of them), a chart or ordinary ones: lateral chromatic "
-        "aberration",
-    )
     option(
         parser,
         "--chart-light LIGHT F ...",
@@ -79,7 +72,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for search in searches:
         search.report(console)
     if not any(files.values()):
-        raise InputError("nothing to calibrate from: name shots, or --dark, --flat and --edges frames")
+        raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
     if arguments.corners and (len(files["shots"]) != 1 or arguments.no_chart):
         raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
     corners: Matrix | None = tuple(arguments.corners) if arguments.corners else None
@@ -90,7 +83,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     chart_colours = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
     old = read_known(output) if arguments.update and output.exists() else None
     session = Session(console, arguments.sensor, old)
-    seen = session.measure(files, None if arguments.no_chart else chart_colours, corners, filled_luminance)
+    seen = session.measure(files, None if arguments.no_chart else chart_colours, corners)
     if seen.base is None or seen.empty:
         console.note(*seen.remarks)
         console.error("no frame could be used, and no camera file was written")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Aberration, Mosaic, Shading, read_camera, read_dng
+from shared import Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
 from shared.networks import network_for
@@ -183,7 +183,7 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
     if "shading" in document:
         rows["shading"] = f"{Shading.from_json(document['shading']).words}; undone"
     if "aberration" in document:
-        rows["aberration"] = f"{Aberration.from_json(document['aberration']).words(document['channels'])}; undone"
+        rows["aberration"] = "lateral chromatic aberration of an earlier version; ignored"
     return rows
 
 

@@ -39,9 +39,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
-        shading = mosaic.calibration.shading
-        if shading and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
-            listener.note(f"{job.source}: {zoomed}")
+        for remark in mosaic.calibration.lens_remarks(mosaic.metadata.focal_length):
+            listener.note(f"{job.source}: {remark}")
         start = time.monotonic()
         picture = previews(mosaic)
         milliseconds = (time.monotonic() - start) * 1e3

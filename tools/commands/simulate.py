@@ -25,7 +25,7 @@ from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
 from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
-from tools.camera.lens import FAULTS, check_lens, lens_of
+from tools.camera.lens import Lens
 from tools.camera.simulated_camera import BITS as DEFAULT_BITS
 from tools.camera.simulated_camera import TRUTH, SimulatedCamera
 from tools.host.console import Console
@@ -64,8 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light = parser.add_argument_group("light and noise")
     add_protocol(light)
     add(light, "seed")
-    for name, fault in FAULTS.items():
-        option(light, f"--{name} {fault.metavar}", fault.help, type=numbers(example=fault.example))
+    shading = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
+    option(light, "--shading STOPS,PERCENT", shading, type=numbers(example="2,15"))
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
     option(burst, "--burst N", "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved", type=count)
     option(burst, "--motion PIXELS", "largest displacement of the others (default: 0)", type=float, default=0.0)
@@ -92,10 +92,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     protocol, level = protocol_of(arguments)
     noise = protocol(protocol.default if level is None else level)
     is_series, burst = arguments.burst is not None, _burst(arguments)
-    lens = lens_of({name: getattr(arguments, name) for name in FAULTS})
+    lens = Lens.of(arguments.shading)
     known, pattern = camera_of(arguments)
     if known:
-        check_lens(lens, known.calibration, arguments.camera)
+        lens.check(known.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
     previews = Previews()

@@ -134,8 +134,8 @@ class _Attempt:
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
         if not calibration.knows_white and order.kind.has_white_balance:
             note(f'{source}: the white balance is unknown and taken as even; `wb="auto"` estimates it, `wb="R,G,B"` sets it')
-        for zoomed in calibration.zoomed(mosaic.metadata.focal_length):
-            note(f"{source}: {zoomed}")
+        for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
+            note(f"{source}: {remark}")
 
     def _write(self, subject: Subject, development: Development, existing: list[_Existing], source_digest: str) -> "SolverLog":
         """Render, and write all outputs. Returns what the solvers did."""

@@ -1,11 +1,10 @@
 """Render shots to arrays, for programs that keep the picture: the notebook, the demonstration, calibration."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from shared import Mosaic, NoiseModel
+from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.processors import processors
@@ -88,15 +87,3 @@ def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatA
     with announced_compilation(progress):
         merged = merge_burst(mosaics, BEST, progress, reference=0)
         return joined(render_burst_bands(merged, BEST, progress), mosaics[0].shape[0])
-
-
-def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
-    """Return the luminance of a shot (H, W), scene units, and its noise: that of its calibration, or else estimated."""
-    from offline import PAPER
-    from offline.whole.luminance import recover_luminance
-    from offline.whole.noise import estimate_noise
-
-    # Twice the paper's iterations: luminance at the colour sites is what limits how well edges are found.
-    filling = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
-    noise = mosaic.calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
-    return recover_luminance(mosaic, filling), noise

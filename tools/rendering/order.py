@@ -118,8 +118,7 @@ class Order:
         note: called with each remark for the user.
         """
         mosaic = self.read(job.source)
-        needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
-        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings)
+        return Subject(mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings)
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""

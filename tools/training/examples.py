@@ -81,9 +81,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     """
     random = np.random.default_rng(seed)
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
-    # The network corrects pictures without fringes, and what is learned from says nothing of its own.
-    off, gamma = {name: replace(getattr(BEST, name), used=False) for name in ("learned", "fringes")}, np.ones(3, np.float32)
-    settings = replace(BEST, **off)
+    settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
     measured = measure(mosaic, settings)
     corrected = Part.joined(list(parts_of(measured, settings)))
     assert measured.samples is not None  # BEST uses them

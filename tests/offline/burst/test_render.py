@@ -5,24 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
 from offline.burst.render import MergedLuminance, denoised
-from offline.burst.samples import ColourSamples, relit_sites
+from offline.burst.samples import relit_sites
 from offline.cleaned import Cleaned
 from offline.kernels.spreading import TOLERANCE
-from offline.measured import Fringes
-from offline.settings import FringesSettings
 from offline.whole.denoising import denoise_luminance
-from offline.whole.fringes import FoundFringes, registered_samples
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
 from shared.sensor import simulate_additive
-from tests.reference.compare import assert_close
 
 from .scenes import SHAPE, light
 
@@ -122,48 +117,6 @@ def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     frames = shots(0.01, MOTIONS[:3], shape=(160, 220))  # more than `LITTLE` pixels
     results = [picture(merge_burst(frames)) for _ in each_thread_count]
     assert all(np.array_equal(found, results[0]) for found in results)
-
-
-def displaced_shots(sigma: float, motions: list[Motion]) -> tuple[list[Mosaic], FloatArray]:
-    """Frames whose red and blue are displaced, and what the first one sees."""
-    lens = [np.array([0.3, -0.25]), np.zeros(2), np.array([-0.3, 0.25])]
-    shifts = [np.array(motion.shift) for motion in motions]
-    seen = [np.stack([scene(Motion(tuple(shift + each)))[..., c] for c, each in enumerate(lens)], axis=2) for shift in shifts]
-    pattern, calibration = CfaPattern.bayer(4), SensorCalibration()
-    return [simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n)) for n, each in enumerate(seen)], seen[0]
-
-
-@pytest.mark.parametrize("sigma", [0.0, 0.01])
-def test_displaced_channels_are_found_and_the_burst_is_better_for_it(sigma: float) -> None:
-    frames, truth = displaced_shots(sigma, MOTIONS)
-    found = {}
-    for used in (True, False):
-        settings = replace(BEST, fringes=FringesSettings(used))
-        merged = merge_burst(frames, settings, reference=0)
-        assert (merged.measured.fringes is not None) == used
-        found[used] = psnr(np.concatenate(list(render_burst_bands(merged, settings))), truth)
-    assert found[True] > found[False] + 0.2
-
-
-def test_samples_of_a_burst_are_registered_as_those_of_one_frame() -> None:
-    (mosaic,), _ = displaced_shots(0.0, MOTIONS[:1])
-    frame, smooth = Cleaned(mosaic, np.inf), gaussian_filter(mosaic.signal, 2) + 0.1
-    sites = frame.sites
-    y, x = (place.ravel() for place in sites.pixels)
-    values = sites.of(mosaic.signal).ravel()
-    channels = np.resize(sites.channels, len(values)).astype(np.uint8)
-    nothing = np.zeros(len(y), np.float32)
-    samples = ColourSamples(
-        np.stack([y, x], axis=1).astype(np.float32), channels, values, smooth[y, x], nothing, nothing + 1, len(y)
-    )
-    colour = np.random.default_rng(0).uniform(0.2, 0.4, (*sites.shape, 3)).astype(np.float32)
-    found = FoundFringes(Fringes(np.array([(0.3, 0.2, 0.1), (0, 0, 0), (-0.2, 0.3, -0.1)]), mosaic.shape), colour)
-    expected = registered_samples(frame, smooth, found).signal[y, x]
-    # Beyond the edge both take the nearest pixel, but a spline feels it from farther away.
-    inside = (y > 3) & (y < mosaic.shape[0] - 4) & (x > 3) & (x < mosaic.shape[1] - 4)
-    actual = samples.registered(smooth, found, sites, frame.gamma).values
-    assert_close(actual[inside], expected[inside], 2e-3)  # interpolations differ: cubic convolution and cubic splines
-    assert np.abs(values - expected).max() > 0.02
 
 
 def test_the_published_settings_work_too() -> None:

@@ -72,7 +72,7 @@ def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
 
 
 def stating(mosaic: Mosaic, **facts: Any) -> Mosaic:
-    """The frame with other statements in its calibration, `aberration=None` for example."""
+    """The frame with other statements in its calibration, `shading=None` for example."""
     return replace(mosaic, calibration=replace(mosaic.calibration, **facts))
 
 

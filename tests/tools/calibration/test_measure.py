@@ -11,9 +11,8 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from shared.sensor import simulate_sensor
-from tests.scenes import darker_corners, displaced_channels
+from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
-from tools.calibration.aberration import AberrationResult
 from tools.calibration.dark_frames import DarkResult
 from tools.calibration.measure import conclude
 from tools.calibration.noise import FlatResult
@@ -24,7 +23,7 @@ from tools.calibration.shading import ShadingResult
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
 BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green and blue
-LENS = {"shading": darker_corners(SHAPE), "aberration": displaced_channels(SHAPE)}
+DARKER = darker_corners(SHAPE)
 DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
 LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
 FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool)), ())
@@ -69,19 +68,12 @@ def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all()
     assert concluded(old, flats=dead, dark=hot).calibration.defects == ((1, 2), (3, 4))
 
 
-@pytest.mark.parametrize(
-    ("part", "found"),
-    [
-        ("shading", ShadingResult(None, 2, 0.001, np.ones(4), np.ones(4))),
-        ("aberration", AberrationResult(None, "RGB", 2, np.zeros(3), np.full(3, 0.1), np.zeros((3, 2)), np.zeros((8, 3, 3)))),
-    ],
-)
-def test_that_a_lens_has_none_is_a_measurement(part: str, found: Any) -> None:
-    known = Camera(replace(BLIND, **{part: LENS[part]}), PATTERN, {part: {"corner": [1, 0, 1]}})  # type: ignore[arg-type]
-    assert getattr(concluded(known, dark=DARK).calibration, part) == LENS[part]
-    measured = concluded(known, **{part: found})
-    assert getattr(measured.calibration, part) is None
-    assert "corner" not in measured.measured[part]
+def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
+    known = Camera(replace(BLIND, shading=DARKER), PATTERN, {"shading": {"corner": [1, 0, 1]}})
+    assert concluded(known, dark=DARK).calibration.shading == DARKER
+    measured = concluded(known, shading=ShadingResult(None, 2, 0.001, np.ones(4), np.ones(4)))
+    assert measured.calibration.shading is None
+    assert "corner" not in measured.measured["shading"]
 
 
 @pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])

@@ -1,4 +1,4 @@
-"""A lens, by the commands: with shading and lateral chromatic aberration it is simulated, measured, and undone in pictures."""
+"""A lens with shading, by the commands: it is simulated, measured, and undone in pictures."""
 
 import json
 from dataclasses import replace
@@ -11,9 +11,8 @@ import pytest
 from shared import CaptureMetadata, read_camera, read_dng
 from tests.tools.calibration.known_camera import edited, save, stating
 from tests.tools.command import run
-from tools.camera.lens import lens_aberration, lens_shading
+from tools.camera.lens import lens_shading
 
-EDGES, EDGES_SHAPE, CORNERS = "600x400", (400, 600), (1.0, -0.6)
 SIZE, SHAPE = "450x300", (300, 450)
 LENS = lens_shading(1.5, 0.1, 4, SHAPE)
 
@@ -23,59 +22,6 @@ def taken(folder: Path, name: str, source: str, *options: str, focal: float | No
     run("simulate", source, "-o", folder / "true", "--overwrite", "--protocol", "sensor", *options, code=0)
     shot = read_dng(folder / "true" / f"{source.replace(':', '-')}.dng")
     return save(folder / name, replace(stating(shot, **facts), metadata=CaptureMetadata(focal_length=focal)))
-
-
-# --- lateral chromatic aberration ------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def edges(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two shots of a lens, one that knows it, and the camera file that they make."""
-    folder = tmp_path_factory.mktemp("lens")
-    (folder / "shots" / "Edges").mkdir(parents=True)
-    options = ("--period", "4", "--sensor-bits", "12", f"--aberration={CORNERS[0]},{CORNERS[1]}")
-    taken(folder, "shots/Edges/1.dng", f"chart:{EDGES}", *options)
-    taken(folder, "shots/edges2.dng", f"chart:{EDGES}", *options, "--seed", "1", focal=35.0, aberration=None)
-    outcome = run("calibrate", folder / "shots", "-o", folder / "camera.json", "--report", folder, "--json", code=0)
-    assert [record["kind"] for record in outcome.records[:-1]] == ["edges", "edges"]
-    assert "lateral chromatic aberration: R +" in outcome.err
-    return folder
-
-
-def test_a_simulated_shot_states_it(edges: Path) -> None:
-    path = edges / "true" / f"chart-{EDGES}.dng"
-    assert read_dng(path).calibration.aberration == lens_aberration(*CORNERS, 3, EDGES_SHAPE)
-    assert "aberration    R +1.00, G +0.00, B -0.60 pixels in the corners; undone" in run("inspect", path).out
-
-
-def test_edges_make_a_camera_file_that_keeps_it(edges: Path) -> None:
-    camera = read_camera(edges / "camera.json")
-    np.testing.assert_allclose(camera.calibration.aberration.corner(EDGES_SHAPE), [CORNERS[0], 0, CORNERS[1]], atol=0.3)
-    facts = camera.measured["aberration"]
-    assert (facts["shots"], facts["focal_length"]) == (2, 35)
-    np.testing.assert_allclose(facts["corner"], camera.calibration.aberration.corner(EDGES_SHAPE), rtol=1e-2)
-    assert 0 < max(facts["standard_error"]) < 0.2
-    page = (edges / "report.html").read_text("utf-8")
-    assert "<p>Lateral chromatic aberration: R +" in page
-    assert 'aria-label="Displacement over radius"' in page
-
-
-def test_a_copy_of_a_shot_tells_nothing_more_and_a_shot_without_edges_nothing(edges: Path, tmp_path: Path) -> None:
-    path, copy, output = edges / "shots" / "edges2.dng", tmp_path / "copy.dng", tmp_path / "camera.json"
-    copy.write_bytes(path.read_bytes())
-    outcome = run("calibrate", "--edges", path, path, copy, "-o", output, code=1)
-    assert f"copy.dng: it is the same shot as {path}" in outcome.err
-    known = read_camera(output)
-    assert known.measured["aberration"]["shots"] == 1
-    flat = taken(tmp_path, "flat.dng", f"flat:{EDGES}", "--period", "4", "--light", "0.5")
-    outcome = run("calibrate", "--edges", flat, "-o", output, "--update", "--json", code=1)
-    assert "it has hardly any edges" in outcome.records[0]["error"]
-    assert "no frame could be used, and no camera file was written" in outcome.err
-    assert "no chromatic aberration was measured, and the one before is kept" in outcome.err
-    assert read_camera(output) == known
-
-
-# --- shading ---------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

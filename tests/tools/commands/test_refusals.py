@@ -54,8 +54,7 @@ USAGE = {
         "--camera missing.json": "missing.json: there is no such file",
         "--camera text.json": "text.json: is not JSON",
         "--camera rgbe.json": "rgbe.json: the pattern has channels RGB, the calibration RGBE: they belong to different sensors",
-        **{f"--shading={lens}": "--shading" for lens in ("9,0", "1,99", "much", "1,2,3", "-1")},
-        **{f"--aberration={lens}": "--aberration" for lens in ("", "1", "much,1", "1,2,3", "21,0", "nan,0")},
+        **{f"--shading={lens}": "--shading" for lens in ("", "9,0", "1,99", "much", "1,2,3", "-1", "nan,0")},
     },
     "render shot.dng -o out": {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
@@ -209,7 +208,6 @@ FILES = {
         "--burst 3 --motion 2": "nothing is left; take a larger picture",
         "--period 9 --layout cfa --truth": 'out/builtin-24x18.dng: the layout "cfa" cannot hold this pattern',
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
-        "--aberration 3,0": "builtin:24x18: --aberration is 3,0: the most in a frame of 24 x 18 pixels is ",
     },
     **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},

@@ -17,7 +17,7 @@ import panchroma
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
-from tools.camera.lens import lens_aberration, lens_shading
+from tools.camera.lens import lens_shading
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 
@@ -272,11 +272,10 @@ def test_an_error_names_what_is_wrong_and_no_option(
 
 
 def test_a_lens_is_simulated_and_known() -> None:
-    shot = panchroma.simulate("builtin:120x90", shading=(1.5, 10), aberration=(1, -1), light=1)
-    calibration = shot.mosaic.calibration
-    assert calibration.lens == (lens_shading(1.5, 0.1, 4, (90, 120)), lens_aberration(1, -1, 3, (90, 120)))
-    with pytest.raises(panchroma.PanchromaError, match="`aberration` is 3, expected two numbers"):
-        panchroma.simulate("builtin:60x40", aberration=3)  # type: ignore[arg-type]
+    shot = panchroma.simulate("builtin:120x90", shading=(1.5, 10), light=1)
+    assert shot.mosaic.calibration.shading == lens_shading(1.5, 0.1, 4, (90, 120))
+    with pytest.raises(panchroma.PanchromaError, match="`shading` is 3, expected two numbers"):
+        panchroma.simulate("builtin:60x40", shading=3)  # type: ignore[arg-type]
 
 
 def test_the_best_tiles_are_drawn_and_can_be_simulated() -> None:

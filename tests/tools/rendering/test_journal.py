@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import offline
-from shared import Aberration, Camera, CfaPattern, SensorCalibration, Shading
+from shared import Camera, CfaPattern, SensorCalibration, Shading
 from shared.calibration import NoiseModel
 from tests.walking import one_field_changed
 from tools.pictures.kind import PictureKind
@@ -159,7 +159,7 @@ CALIBRATION = SensorCalibration.of_bits(
     defects=((1, 2),),
     sensor="bench",
     shading=EVEN,
-    aberration=Aberration(((0.001, 0), (0, 0), (0, 0.001)), (13, 17), 35),
+    aberration='{"radial": [[0.001, 0], [0, 0], [0, 0.001]]}',
 )
 WHOLE: dict[str, Any] = {
     "folder": Path("out"),

@@ -23,7 +23,7 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure", "white"), "a number", (Real,)),
-    (("shading", "aberration"), "two numbers", (tuple, list, np.ndarray)),
+    (("shading",), "two numbers", (tuple, list, np.ndarray)),
     (("linear", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
     (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),

@@ -104,7 +104,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.zoomed(mosaic.metadata.focal_length)))
+    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.lens_remarks(mosaic.metadata.focal_length)))
 
 
 @checked

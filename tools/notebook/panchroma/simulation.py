@@ -13,7 +13,7 @@ from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
-from tools.camera.lens import check_lens, lens_of
+from tools.camera.lens import Lens
 from tools.camera.protocols import chosen_protocol
 from tools.camera.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
@@ -37,7 +37,6 @@ def simulate(
     linear: bool = False,
     camera: str | Path | None = None,
     shading: tuple[float, float] | None = None,
-    aberration: tuple[float, float] | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Shot:
     """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
@@ -63,8 +62,6 @@ def simulate(
     camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it has.
     shading: (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel there and as much more of the
         last one than of panchromatic light.
-    aberration: (1, -0.5) is a lens with lateral chromatic aberration: in the corners the first channel shows what lies a pixel
-        further out, the last one what lies half a pixel further in.
     max_pixels: a larger file is refused.
     Raises PanchromaError for a scene that cannot be read, or that lacks channels of the pattern.
 
@@ -82,11 +79,11 @@ def simulate(
     if seed < 0:
         raise InputError(f"`seed` is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
-    lens = lens_of({"shading": shading, "aberration": aberration})
+    lens = Lens.of(shading)
     tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
     if known:
         known.check_pattern(tile)
-        check_lens(lens, known.calibration, camera)
+        lens.check(known.calibration, camera)
     seen = _scene(scene, tile.channels, channels, linear, max_pixels)
     exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(seen, np.random.default_rng(seed))
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)

@@ -95,14 +95,6 @@ def exhibit(study: Study) -> Exhibit:
     return render_exhibit(study, (Crop(study.scenes[0], study.levels[0], 15, 15, 48, 60, WHY_WORST), study.methods))
 
 
-def test_the_last_picture_of_an_exhibit_shows_what_is_measured_inferred_and_guessed(tmp_path: Path) -> None:
-    *pictures, shown = exhibit(study_of(tmp_path, methods=("best", "bilinear"), count=1)).pictures
-    assert [picture.psnr is None for picture in (*pictures, shown)] == [True, False, False, True]
-    assert "guessed" in shown.name
-    assert shown.pixels.shape == pictures[0].pixels.shape
-    assert np.ptp(shown.pixels.astype(int), axis=2).any()
-
-
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
     study = study_of(tmp_path, methods=("bilinear",), count=1)

@@ -7,9 +7,8 @@ import numpy as np
 
 from shared import SensorCalibration, Shading
 from shared.arrays import DoubleArray
+from shared.errors import InputError
 from shared.shading import basis
-
-from .fault import LensFault
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %
 _PLACES = 128  # along an axis, at which they are made, whatever the size of the frame
@@ -18,35 +17,50 @@ _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
 
 
 @dataclass(frozen=True)
-class ShadingFault(LensFault):
-    """A lens whose corners are darker, and of another colour: see `lens_shading`.
+class Lens:
+    """A simulated lens whose corners are darker, and of another colour: see `lens_shading`.
 
     stops: by which panchromatic pixels get less light there, 0 to 4.
     percent: 100 times the colour shading, 0 to 50.
     Raises InputError for other figures.
     """
 
-    stops: float
+    stops: float = 0.0
     percent: float = 0.0
-
-    name = "shading"
-    metavar = "STOPS,PERCENT"
-    example = "2,15"
-    help = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
 
     def __post_init__(self) -> None:
         if not (0 <= self.stops <= _MOST_STOPS and 0 <= self.percent <= _MOST_PERCENT):
-            expected = f"0 to {_MOST_STOPS:g} stops, 0 to {_MOST_PERCENT:g} %, such as {self.example}"
-            self._refuse((self.stops, self.percent), expected)
+            raise _error((self.stops, self.percent))
 
-    def is_known(self, calibration: SensorCalibration) -> bool:
-        """Whether a calibration has a shading."""
-        return calibration.shading is not None
+    @classmethod
+    def of(cls, figures: Sequence[float] | None) -> "Lens":
+        """Return the lens with (stops, percent), or stops alone; None is a lens without faults. Raises InputError for others."""
+        if figures is None:
+            return cls()
+        if not 1 <= len(figures) <= 2:
+            raise _error(figures)
+        return cls(*map(float, figures))
+
+    def check(self, known: SensorCalibration, source: object) -> None:
+        """Raise InputError, naming the source of a calibration, if that has a shading already."""
+        if (self.stops or self.percent) and known.shading is not None:
+            raise InputError(f"{source} has its own shading: leave `shading` out")
 
     def calibrated(self, calibration: SensorCalibration, shape: tuple[int, int]) -> SensorCalibration:
-        """The calibration with this shading. shape: (rows, columns) of the frame."""
-        shading = lens_shading(self.stops, self.percent / 100, len(calibration.channels) + 1, shape)
-        return replace(calibration, shading=shading)
+        """Return the calibration with the shading of this lens. shape: (rows, columns) of the frame."""
+        if not (self.stops or self.percent):
+            return calibration
+        return replace(calibration, shading=lens_shading(self.stops, self.percent / 100, len(calibration.channels) + 1, shape))
+
+
+NO_LENS = Lens()
+
+
+def _error(figures: Sequence[float]) -> InputError:
+    return InputError(
+        f"`shading` is {','.join(map('{:g}'.format, figures))}, expected STOPS,PERCENT: 0 to {_MOST_STOPS:g} stops, "
+        f"0 to {_MOST_PERCENT:g} %, such as 2,15"
+    )
 
 
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
