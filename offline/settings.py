@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
-from .stage import Between, Count, CountOrNone, Finite, NotNegative, Positive, Range, Share, StageSettings
+from .stage import Between, Count, CountOrNone, Finite, NotNegative, Positive, Range, StageSettings
 
-# Accepted at most, for time and memory: side of a DCT block and radius of non-local means, pixels; radius of pooling, blocks.
-_LARGEST, _FARTHEST, _WIDEST = 32, 16, 64
+# Accepted at most, for time and memory: side of a DCT block, pixels; radius of pooling, blocks.
+_LARGEST, _WIDEST = 32, 64
 _SIZES = Range(
     lambda value: bool(value) and {*value} <= {*range(4, _LARGEST + 1, 4)}, f"one or more multiples of 4 up to {_LARGEST}"
 )
@@ -103,19 +103,13 @@ class DenoisingSettings(StageSettings):
     strength: how much noise to remove, as a multiple of the noise there is; 0 = none.
     sizes: sides of the DCT blocks, pixels, multiples of 4.
     threshold: threshold of the first pass, in standard deviations of the noise.
-    share: weight of non-local means in the result where there is much noise, 0 to 1.
-    similarity: how much surroundings may differ in non-local means, in standard deviations of the noise.
-    radius: radius of the window of non-local means, pixels.
     """
 
-    kernels = "denoise", "average_similar"
+    kernels = ("denoise",)
     asked_by = ("strength",)
     strength: NotNegative = 0.0
     sizes: Annotated[tuple[int, ...], _SIZES] = (4, 12)
     threshold: Positive = 2.4
-    share: Share = 0.4
-    similarity: Positive = 0.65
-    radius: Annotated[int, Range(lambda value: 1 <= value <= _FARTHEST, f"1 to {_FARTHEST}")] = 7
 
 
 @dataclass(frozen=True)

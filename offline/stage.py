@@ -19,7 +19,6 @@ NotNegative = Annotated[float, Range(lambda value: value >= 0, "0 or more")]
 Finite = Annotated[float, Range(lambda value: 0 <= value < inf, "0 or more")]
 Positive = Annotated[float, Range(lambda value: value > 0, "more than 0")]
 Between = Annotated[float, Range(lambda value: 0 < value < 1, "between 0 and 1")]
-Share = Annotated[float, Range(lambda value: 0 <= value <= 1, "0 to 1")]
 Count = Annotated[int, Range(lambda value: value >= 1, "1 or more")]
 CountOrNone = Annotated[int, Range(lambda value: value >= 0, "0 or more")]
 

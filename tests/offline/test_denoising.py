@@ -62,14 +62,3 @@ def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> N
     silent = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
     assert denoise_luminance(given, silent, SETTINGS) is given
     assert denoise_luminance(given, mosaic, replace(SETTINGS, strength=0.0)) is given
-
-
-def test_similar_pixels_are_averaged_where_noise_is_strong() -> None:
-    mosaic, _ = noisy((300, 300), MODELS[0])  # the noise is 0.05
-    light = np.full(mosaic.shape, 5.0, np.float32)
-    light[256:], light[:, 256:] = 0.5, 0.7
-    light += np.random.default_rng(3).normal(0, 0.05, light.shape).astype(np.float32)
-    with_mean, without = (denoise_luminance(light, mosaic, replace(SETTINGS, share=share)) for share in (0.3, 0.0))
-    changed = with_mean != without
-    assert not changed[:256, :256].any()
-    assert min(changed[256:].mean(), changed[:, 256:].mean()) > 0.9

@@ -15,9 +15,6 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
         "strength": [-1.0, nan],
         "sizes": [(), (8, 6), (0,), (64,)],
         "threshold": [0.0],
-        "share": [1.1, -0.1],
-        "similarity": [0.0],
-        "radius": [0, 17],
     },
     "pooling": {
         "passes": [((1.0, 0.0, 5),), ((-1.0, 0.1, 5),), ((1.0, 0.1, 0),), ((1.0, 0.1, 65),), ((1.0, 0.1),)],

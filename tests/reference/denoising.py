@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dctn, idctn
-from scipy.ndimage import convolve
 
 from offline.settings import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
@@ -59,35 +58,9 @@ def denoise(
     return second[margin:-margin, margin:-margin]
 
 
-def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: float, similarity: float, radius: int) -> DoubleArray:
-    """Non-local means of `samples`; the weights compare the surroundings in `guide`, in standard deviations of the noise."""
-    even = 2 / shot * np.sqrt(np.maximum(shot * guide + read**2, 0)) if shot else guide / read
-    height, width = guide.shape
-    wide, values = np.pad(even, radius + 1, mode="reflect"), np.pad(samples, radius, mode="reflect")
-    binomial = np.outer([1, 2, 1], [1, 2, 1]) / 16
-    sums, weights = np.zeros_like(guide), np.zeros_like(guide)
-    for down in range(2 * radius + 1):
-        for right in range(2 * radius + 1):
-            there = wide[down : down + height + 2, right : right + width + 2]
-            here = wide[radius : radius + height + 2, radius : radius + width + 2]
-            distance = convolve((there - here) ** 2, binomial)[1:-1, 1:-1] / similarity**2
-            weight = np.maximum(1 - distance / 8, 0) ** 4  # nearly exp(-distance / 2)
-            sums += weight * values[down : down + height, right : right + width]
-            weights += weight
-    return sums / weights
-
-
 def denoise_luminance(
     noisy: DoubleArray, uncertain: BoolArray, shot: float, read: float, settings: DenoisingSettings
 ) -> DoubleArray:
-    """Denoised luminance, (H, W): both passes of shrinkage, mixed with non-local means where noise is 2 to 4 % of the light."""
+    """Denoised luminance, (H, W): both passes of shrinkage."""
     shot, read = shot * settings.strength**2, read * settings.strength
-    clean = denoise(noisy, uncertain, settings.sizes, shot, read, settings.threshold)
-    samples = np.where(uncertain, clean, noisy)
-    mean, share = similar_mean(samples, clean, shot, read, settings.similarity, settings.radius), np.empty_like(clean)
-    for row in range(0, len(clean), 128):
-        for column in range(0, clean.shape[1], 256):
-            window = slice(row, row + 128), slice(column, column + 256)
-            light = noisy[window].mean()
-            share[window] = settings.share * np.interp(np.sqrt(max(shot * light + read**2, 0)) / light, (0.02, 0.04), (0, 1))
-    return clean + share * (mean - clean)
+    return denoise(noisy, uncertain, settings.sizes, shot, read, settings.threshold)
