@@ -11,7 +11,6 @@ from ..kernels.medians import SLACK, oriented_median
 from ..kernels.pieces import BLOCK_ROWS, in_strips
 from ..settings import ChromaticitySettings
 from ..sites import solve_jointly
-from .detail import give_back
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
@@ -39,7 +38,6 @@ def estimate_chromaticities(
         chromaticity = solve_jointly(frame, luminance, chromaticity, sigma, settings.mismatch)
     if others is not None:
         chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
-    unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
@@ -54,8 +52,6 @@ def estimate_chromaticities(
             scaled[rows] = np.where(total > _LEAST_TOTAL, scaled[rows], projected)
 
     in_strips(constrain, len(scaled), BLOCK_ROWS)
-    if settings.detail_gain:
-        scaled = give_back(unfiltered, scaled, sums, sigma, gamma, settings.detail_gain)
     return frame.sites.grid.extend(scaled.astype(np.float32))
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-from tests.reference import gaussian
 from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -83,45 +82,6 @@ def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, r
             break
         current = following
     return current / (current @ np.array(gamma))[..., None]
-
-
-def give_back(
-    own: DoubleArray,
-    smooth: DoubleArray,
-    signal: DoubleArray,
-    luminance: DoubleArray,
-    pattern: CfaPattern,
-    gamma: tuple[float, ...],
-    sigma: float,
-    gain: float,
-) -> DoubleArray:
-    """Return detail that the medians removed, as far as noise and violations of Eq. 7 do not explain it. Not in the paper.
-
-    own: chromaticities before the medians, (rows, columns, C).
-    smooth: chromaticities after the medians, (rows, columns, C).
-    signal, luminance: (H, W), scene units.
-    sigma: sigma_z of Eqs. 8-9, scene units, > 0.
-    gain: > 0; larger values return more detail.
-    """
-    shape = (luminance.shape[0], luminance.shape[1])
-    down, across = patch_counts(pattern, shape)
-    whole = [(i, j) for i in range(down + 1) for j in range(across + 1) if is_whole(pattern, shape, (i, j))]
-    energies = np.empty((own.shape[0] * own.shape[1], 3))
-    for number, index in enumerate(whole):
-        sites = block_sites(pattern, index)
-        weights, missing = [], -1.0
-        for weight, channel in zip(gamma, pattern.channels, strict=True):
-            places = [(y, x) for y, x, name in sites if name == channel]
-            square = sum(float(luminance[place]) ** 2 for place in places)
-            product = sum(float(luminance[place]) * float(signal[place]) for place in places)
-            weights.append(square)
-            missing += weight * (product + sigma**2 / sum(gamma)) / (square + sigma**2)
-        light, place = float(np.mean(weights)), np.unravel_index(number, own.shape[:2])
-        noise = sum(sigma**2 * light / (square + sigma**2) for square in weights)
-        energies[number] = light * missing**2, noise, light * float(np.sum((own[place] - smooth[place]) ** 2))
-    error, noise_energy, taken = (gaussian.blur(plane, 2.0) for plane in np.moveaxis(energies.reshape(*own.shape[:2], 3), 2, 0))
-    share = np.clip(1 - (error / gain + noise_energy) / np.maximum(taken, 1e-30), 0, 1)
-    return smooth + share[..., None] * (own - smooth)
 
 
 def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:

@@ -57,11 +57,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     if settings.chromaticity.mismatch:
         known, mismatch = max(sigma_of_colour(mosaic), 1e-6), settings.chromaticity.mismatch
         coarse = sites.solve_jointly(coarse, signal, light, pattern, gamma, known, mismatch)
-    own = coarse
-    coarse = chromaticity.oriented_medians(own, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
-    if settings.chromaticity.detail_gain:
-        known = max(sigma_of_colour(mosaic), 1e-6)
-        coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.detail_gain)
+    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)
         coarse = pooling.pool(coarse, sums, gamma, pattern, settings.pooling.passes, settings.pooling.light, noise)
