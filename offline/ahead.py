@@ -19,7 +19,7 @@ from .render import KERNELS, row_stages
 from .settings import RenderSettings
 
 # Those that take longest to compile come first, so that several processes end at about the same time.
-_LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "solve_jointly", "shrink_once", "shrink_margins", "find_outliers"
+_LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once", "shrink_margins", "find_outliers"
 
 for _module in iter_modules(package.__path__):  # a kernel is known when its module is imported; bursts have some of their own
     import_module(f"{package.__name__}.{_module.name}")

@@ -118,19 +118,15 @@ class ChromaticitySettings(StageSettings):
 
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
-    mismatch: variance of the samples of a block that one chromaticity does not explain, relative to that from errors of filled
-        luminance, which are solved for together with chromaticity (see `sites`); 0 = Eqs. 8-9 as they are.
     """
 
     taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
     repetitions: CountOrNone = 20
-    mismatch: Finite = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Those of the stage."""
-        asked = {"oriented_median": self.taps > 1, "solve_jointly": self.mismatch > 0}
-        return tuple(name for name, used in asked.items() if used)
+        return ("oriented_median",) if self.taps > 1 else ()
 
 
 class PoolingPass(NamedTuple):
@@ -283,7 +279,6 @@ BEST = RenderSettings(
     # The first threshold is a sixth of the brightest sample, the last one 0.0015: before and after, no iteration gains anything.
     luminance=LuminanceSettings(threshold=1 / 6, relative=True, iterations=28, learned=True),
     denoising=DenoisingSettings(strength=1.0),
-    chromaticity=ChromaticitySettings(mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))),
     propagation=PropagationSettings(softness=0.45, likeness=7.0),  # without likeness photographs lose 0.05 dB
     affinity=AffinitySettings(tolerance=3e-3),  # with 1e-3 no photograph gains 0.02 dB

@@ -1,4 +1,4 @@
-"""Errors at the colour sites, from the samples of each block: of luminance and chromaticity together, then what is left.
+"""Errors at the colour sites, from the samples of each block.
 
 Luminance under the colour sites is filled in, and wrong by some delta. A sample is c (l + delta) + noise, with c the chromaticity
 of its channel. So one error of luminance shows in all samples of the block, in proportion to c. Eqs. 8-9 take these errors for
@@ -6,19 +6,17 @@ independent and equal. Here they have a covariance D R D, with D the diagonal ma
 sites, because a stroke or an edge that passes through one of them passes near the others. To it are added the noise, and what
 differs from site to site, because one chromaticity does not describe a whole block.
 
-- `solve_jointly`: chromaticity is the generalised least squares solution with this covariance, under the constraint of Eq. 7. A
-  bright stroke through a red site then reads as a bright stroke rather than as a red one.
 - `settle_luminance`: given the final chromaticity, delta is what the samples make most probable.
 - `rows.correction`: what the finished picture still misses (sample minus picture) is shared out to all channels of all sites of the
   block. Some of it is an error of luminance, as far as luminance is uncertain, and the rest an error of colour, which leaves
   luminance as it is. Where luminance is flat, as at an edge between two colours of one brightness, all of it is colour.
 
-All three are conditional means of a Gaussian model, for any pattern. None is in the paper.
+Both are conditional means of a Gaussian model, for any pattern. None is in the paper.
 """
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import FloatArray
 from shared.site_errors import nearness
 
 from .blocks import Sites, curvature
@@ -36,7 +34,6 @@ _CURVED = 0.7  # error of filled luminance as a multiple of its curvature (0.4);
 _TINT = 0.5  # share of the power of errors that is colour at least (0.3)
 _DOUBT = 0.1  # least share of it on a line: samples of a dark channel tell nothing of luminance; 0.01 makes speckle 5 times white
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
-_ROUNDS = 3  # in which the covariance takes its c from the round before (0.4, with defects)
 _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of errors (0.4)
 _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the power of errors is averaged (0.3)
 
@@ -68,23 +65,6 @@ def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
 
     in_strips(work, len(error), BLOCK_ROWS)
     return error
-
-
-def solve_jointly(frame: Cleaned, luminance: FloatArray, chromaticity: DoubleArray, sigma: float, mismatch: float) -> DoubleArray:
-    """Chromaticities of the whole blocks, float64 (rows, columns, C), by generalised least squares; sum_i gamma_i c_i = 1.
-
-    luminance: (H, W), scene units.
-    chromaticity: the solution of Eqs. 8-9, where the first round takes its covariance from.
-    sigma: sigma_z of these equations, > 0.
-    mismatch: variance that differs from site to site, relative to that of luminance's error.
-    """
-    sites = frame.sites
-    light, error = sites.of(luminance), fill_error(luminance, sites)
-    variance = np.full_like(light, sigma**2)
-    near, solved = nearness(sites.pattern, FILLED), chromaticity.copy()
-    samples = sites.of(frame.signal)
-    kernels.solve_jointly(light, samples, error, variance, sites.channels, near, mismatch, frame.gamma, _ROUNDS, solved)
-    return solved
 
 
 def settle_luminance(

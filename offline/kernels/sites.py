@@ -2,90 +2,12 @@
 
 import numpy as np
 
-from .arrays import Doubles1, Doubles2, Doubles3, Floats2, Floats3, Floats4, Ints1
+from .arrays import Doubles2, Doubles3, Floats2, Floats3, Floats4, Ints1
 from .compile import Pieces, kernel, parallel_kernel
-from .lanes import WIDTH, greater, lesser, load, quotient, store, where_less
+from .lanes import WIDTH, load, quotient, store, where_less
 
 _LANES = WIDTH // 2  # of float64
 _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose sites are all explained by one error
-FAINTEST, STRONGEST = 0.06, 3.0
-"""Range of a chromaticity that weights an error of luminance, in units of grey: chosen, and a pure colour of three channels."""
-
-
-@parallel_kernel()
-def solve_jointly(
-    pieces: Pieces,
-    light: Floats3,
-    samples: Floats3,
-    fill_error: Floats2,
-    variance: Floats3,
-    channels: Ints1,
-    near: Doubles2,
-    mismatch: float,
-    gamma: Doubles1,
-    rounds: int,
-    out: Doubles3,
-) -> None:
-    """The chromaticity of each block, by generalised least squares (see `offline.sites`).
-
-    light, samples: luminance and sample at each site, (rows, columns, S).
-    fill_error: standard deviation of the error of luminance, (rows, columns).
-    variance: variance of the noise at each site, > 0, (rows, columns, S).
-    channels: (S,), channel of each site.
-    near: (S, S), correlation of the errors of luminance.
-    mismatch: share of variance that differs from site to site.
-    gamma: (C,), weights of Eq. 7.
-    rounds: how often the covariance is computed from the chromaticity before.
-    out: (rows, columns, C), the chromaticities of Eqs. 8-9; replaced.
-    """
-    columns, sites = light.shape[1:]
-    count = len(gamma)
-    grey = 1 / gamma.sum()
-    for row in range(pieces[0], pieces[1]):
-        covariance, colour = np.empty((sites, sites, _LANES)), np.empty((sites, _LANES))
-        explained = np.empty((sites, count + 1, _LANES))  # one column per channel, and the samples
-        normal, right = np.empty((count, count, _LANES)), np.empty((count, 2, _LANES))
-        seen, noise = np.empty((2, sites, _LANES)), np.empty((sites, _LANES))
-        power, solved = np.empty((1, _LANES)), np.empty((count, _LANES))
-        for group in range(0, columns, _LANES):
-            for lane in range(_LANES):
-                column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
-                power[0, lane] = np.float64(fill_error[row, column]) ** 2
-                _copy(out[row, column], lane, solved)
-                _copy(light[row, column], lane, seen[0])
-                _copy(samples[row, column], lane, seen[1])
-                _copy(variance[row, column], lane, noise)
-            for _ in range(rounds):
-                for site in range(sites):
-                    value = greater(load(solved, (channels[site], 0)), FAINTEST * grey)
-                    store(colour, (site, 0), lesser(value, STRONGEST * grey))
-                _covariance(colour, power, near, mismatch, noise, covariance)
-                explained[:] = 0.0
-                for site in range(sites):
-                    store(explained, (site, channels[site], 0), load(seen, (0, site, 0)))
-                    store(explained, (site, count, 0), load(seen, (1, site, 0)))
-                _solve(covariance, explained)
-                # Eqs. 8-9 pull towards grey with the weight of one sample of variance sigma^2, which is 1 here.
-                right[:], normal[:] = grey, 0.0
-                for i in range(count):
-                    normal[i, i], right[i, 1] = 1.0, gamma[i]
-                for site in range(sites):
-                    channel, here = channels[site], load(seen, (0, site, 0))
-                    for i in range(count):
-                        store(normal, (channel, i, 0), load(normal, (channel, i, 0)) + here * load(explained, (site, i, 0)))
-                    store(right, (channel, 0, 0), load(right, (channel, 0, 0)) + here * load(explained, (site, count, 0)))
-                _solve(normal, right)
-                free, pull = load(power, (0, 0)) * 0.0, load(power, (0, 0)) * 0.0
-                for i in range(count):
-                    free += gamma[i] * load(right, (i, 0, 0))
-                    pull += gamma[i] * load(right, (i, 1, 0))
-                for i in range(count):
-                    step = quotient(load(right, (i, 1, 0)) * (1.0 - free), pull)
-                    store(solved, (i, 0), load(right, (i, 0, 0)) + step)
-            for lane in range(min(_LANES, columns - group)):
-                if power[0, lane] > 0:
-                    for i in range(count):
-                        out[row, group + lane, i] = solved[i, lane]
 
 
 @parallel_kernel()
@@ -149,25 +71,6 @@ def share_out(
                     light[row, group + lane, site] = lights[site, lane] if uncertain else 0.0
                     for channel in range(count):
                         tints[row, group + lane, site, channel] = odds[site, channel, lane] if uncertain else 0.0
-
-
-@kernel
-def _copy(values: Doubles1, lane: int, lanes: Doubles2) -> None:
-    for place in range(len(values)):
-        lanes[place, lane] = values[place]
-
-
-@kernel
-def _covariance(colour: Doubles2, power: Doubles2, near: Doubles2, mismatch: float, noise: Doubles2, covariance: Doubles3) -> None:
-    """Covariance of the samples' errors: luminance wrong by `power`, seen through `colour`; mismatch; noise."""
-    sites, each = len(colour), load(power, (0, 0))
-    mean = each * 0.0
-    for site in range(sites):
-        mean += quotient(load(colour, (site, 0)) * load(colour, (site, 0)), float(sites))
-    for i in range(sites):
-        for j in range(sites):
-            store(covariance, (i, j, 0), each * load(colour, (i, 0)) * near[i, j] * load(colour, (j, 0)))
-        store(covariance, (i, i, 0), load(covariance, (i, i, 0)) + each * mismatch * mean + load(noise, (i, 0)))
 
 
 @kernel

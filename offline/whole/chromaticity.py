@@ -10,7 +10,6 @@ from ..cleaned import Cleaned
 from ..kernels.medians import SLACK, oriented_median
 from ..kernels.pieces import BLOCK_ROWS, in_strips
 from ..settings import ChromaticitySettings
-from ..sites import solve_jointly
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
@@ -34,8 +33,6 @@ def estimate_chromaticities(
     progress.stage("chromaticity", settings.repetitions)
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
-    if settings.mismatch:
-        chromaticity = solve_jointly(frame, luminance, chromaticity, sigma, settings.mismatch)
     if others is not None:
         chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
     if settings.taps > 1:

@@ -19,13 +19,13 @@ from ..cleaned import Cleaned
 from ..gaussian import smoothed
 from ..kernels.pieces import BLOCK_ROWS, in_strips
 from ..kernels.pooling import CHANNELS, SLACK, pool
-from ..kernels.sites import FAINTEST, STRONGEST
 from ..settings import PoolingSettings
 
 # These keep quotients and logarithms finite in the dark; no photograph changes.
 _LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one
 _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
+_FAINTEST, _STRONGEST = 0.06, 3.0  # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen (0.3)
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
@@ -110,7 +110,7 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     smooth, least = smoothed(chromaticity, _AROUND), _LEAST_VARIANCE * frame.level**2
 
     def work(rows: slice) -> None:
-        seen = smooth[:, rows].clip(FAINTEST * grey, STRONGEST * grey)
+        seen = smooth[:, rows].clip(_FAINTEST * grey, _STRONGEST * grey)
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
             value = luminance[place]
             variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2

@@ -24,7 +24,7 @@ CROPS = ((655, 912), (560, 1020), (595, 690), (300, 300))  # row, column
 HEIGHT, WIDTH = 84, 140
 ENLARGED, GAP = 2, 6
 SITES = replace(BEST, learned=PAPER.learned)
-PLAIN = replace(BEST.switched(False), chromaticity=replace(BEST.chromaticity, mismatch=0.0))
+PLAIN = BEST.switched(False)
 
 
 def shots(scene: FloatArray) -> Iterator[tuple[Mosaic, float]]:

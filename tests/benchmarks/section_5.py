@@ -40,8 +40,7 @@ OF_STEPS = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominan
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
 _FILLED = replace(BEST.luminance, learned=False)
-_CHROMATICITY = replace(BEST.chromaticity, mismatch=0.0)
-_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED, chromaticity=_CHROMATICITY)
+_UNCORRECTED = replace(BEST.switched(False), luminance=_FILLED)
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),

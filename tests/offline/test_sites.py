@@ -9,9 +9,8 @@ from offline.cleaned import unclipped_blocks
 from offline.kernels.pieces import BLOCK_ROWS
 from offline.parts import Part
 from offline.rows.correction import Missed, correct_sites
-from offline.settings import BEST, ChromaticitySettings, Switch
+from offline.settings import Switch
 from offline.sites import settle_luminance, site_reach
-from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
@@ -22,7 +21,6 @@ from tests.reference.sensor import luminance_of, observe
 
 # Luminance and samples are float32, errors of both are small differences of them.
 FLOAT32 = 3e-6
-MISMATCH = BEST.chromaticity.mismatch
 
 
 def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
@@ -48,32 +46,6 @@ def coarse_of(mosaic: Mosaic, light: FloatArray) -> DoubleArray:
         mosaic.calibration.gamma,
         sigma_of_colour(mosaic),
     )
-
-
-@every_case
-@pytest.mark.parametrize("sigma", [None, 0.02])
-def test_joint_chromaticities_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
-    mosaic = shot(pattern, shape, sigma)
-    light, gamma = wrong_light(mosaic), mosaic.calibration.gamma
-    known = max(sigma_of_colour(mosaic), 1e-6)
-    plain = coarse_of(mosaic, light)
-    solved = sites.solve_jointly(plain, mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, known, MISMATCH)
-    found = estimate_chromaticities(cleaned(mosaic), light, ChromaticitySettings(taps=1, mismatch=MISMATCH))
-    assert_close(found, chromaticity.extend(solved, pattern, shape), FLOAT32)
-    assert_close(found @ np.array(gamma), np.ones(found.shape[:2]), 1e-5)  # Eq. 7
-    assert np.abs(solved - plain).max() > 1e-3
-
-
-def test_an_error_of_luminance_that_all_sites_share_is_not_taken_for_colour() -> None:
-    """A saturated block, brighter than was filled in: one error of luminance explains it, and Eqs. 8-9 have none."""
-    pattern, colour = CfaPattern.bayer(6), np.array([0.6, 0.25, 0.15])
-    mosaic = observe(np.broadcast_to(colour, (36, 36, 3)), pattern)
-    filled = np.full(mosaic.shape, 0.8, np.float32)
-    filled[pattern.panchromatic_mask(mosaic.shape)] = 1.0
-    plain, joint = (
-        estimate_chromaticities(cleaned(mosaic), filled, ChromaticitySettings(taps=1, mismatch=each)) for each in (0, MISMATCH)
-    )
-    assert np.abs(joint - colour).max() < 0.6 * np.abs(plain - colour).max()
 
 
 @every_case

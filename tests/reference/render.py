@@ -54,9 +54,6 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
-    if settings.chromaticity.mismatch:
-        known, mismatch = max(sigma_of_colour(mosaic), 1e-6), settings.chromaticity.mismatch
-        coarse = sites.solve_jointly(coarse, signal, light, pattern, gamma, known, mismatch)
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)

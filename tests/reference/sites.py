@@ -28,45 +28,6 @@ def near(sites: list[tuple[int, int, str]], correlation: float) -> DoubleArray:
     return np.array([[correlation ** math.dist(one[:2], other[:2]) for other in sites] for one in sites])
 
 
-def solve_jointly(
-    coarse: DoubleArray,
-    signal: DoubleArray,
-    luminance: DoubleArray,
-    pattern: CfaPattern,
-    gamma: tuple[float, ...],
-    sigma: float,
-    mismatch: float,
-) -> DoubleArray:
-    """Chromaticities of the whole blocks, (rows, columns, C): generalised least squares with the constraint of Eq. 7.
-
-    coarse: from Eqs. 8-9, (rows, columns, C).
-    """
-    weights, grey = np.array(gamma), 1 / sum(gamma)
-    result = coarse.copy()
-    for row, blocks in enumerate(whole_blocks(pattern, (signal.shape[0], signal.shape[1]))):
-        for column, sites in enumerate(blocks):
-            light = np.array([luminance[y, x] for y, x, _ in sites])
-            samples = np.array([signal[y, x] for y, x, _ in sites])
-            seen = np.array([[float(name == channel) for channel in pattern.channels] for _, _, name in sites])
-            bends = [curvature(luminance, (y, x), pattern) for y, x, _ in sites]
-            fill_error = constants._CURVED * math.sqrt(np.mean(np.square(bends)))
-            if fill_error == 0:
-                continue
-            for _ in range(constants._ROUNDS):
-                colour = np.clip(seen @ result[row, column], 0.06 * grey, 3 * grey)
-                covariance = fill_error**2 * np.diag(colour) @ near(sites, constants.FILLED) @ np.diag(colour)
-                covariance += (fill_error**2 * mismatch * np.mean(colour**2) + sigma**2) * np.eye(len(sites))
-                design = np.diag(light) @ seen
-                inverse = np.linalg.inv(covariance)
-                count = len(gamma)
-                equations, right = np.zeros((count + 1, count + 1)), np.ones(count + 1)
-                equations[:count, :count] = design.T @ inverse @ design + np.eye(count)
-                equations[:count, count] = equations[count, :count] = weights
-                right[:count] = design.T @ inverse @ samples + grey
-                result[row, column] = np.linalg.solve(equations, right)[:count]
-    return result
-
-
 def noise_of(signal: DoubleArray, pattern: CfaPattern, noise: NoiseModel | None) -> DoubleArray:
     """Variance of the noise at each site of the whole blocks, (rows, columns, S)."""
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
