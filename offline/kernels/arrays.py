@@ -6,7 +6,7 @@ A digit is the number of axes. Arrays are contiguous, except where a part of ker
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from numba.core import types
+from numba import types
 
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 

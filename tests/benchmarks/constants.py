@@ -28,7 +28,6 @@ from scipy.ndimage import shift
 
 from offline import BEST, PAPER, RenderSettings, render, use_threads
 from offline.burst import merge_burst, render_burst_bands
-from offline.kernels.compile import sources
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
@@ -42,6 +41,7 @@ FACTORS = (0.5, 2.0)
 FIGURES = "median", "10 %", "whole"
 _SETTING = "settings"
 _NAME = re.compile(r"_?[A-Z][A-Z0-9_]*")
+_OF_BURSTS = {f"kernels/{name}.py" for name in ("displacement", "interpolation", "merging", "motions", "spreading")}
 _LEFT_OUT = {"memory.py", "ahead.py", "compile.py", "version.py"}  # about memory and compilation, not about pictures
 _REFUSED = "refused"
 _MOTIONS = (0.0, 0.0), (1.25, 2.5), (2.0, -1.75), (-2.4, 1.1)  # pixels
@@ -198,7 +198,6 @@ class Trial:
         self._first, self._all = folder / "first.npz", folder / "all.npz"
         np.savez(self._first, scenes[0])
         np.savez(self._all, *scenes)
-        self._single = sources(ROOT / "offline/render.py")
         self.whole: dict[str, list[list[Any]]] = json.loads(self._run(ROOT, self._all, "", 1.0, list(CASES)))
 
     def of(self, number: Number, factor: float) -> dict[str, list[list[float]]] | str:
@@ -210,7 +209,7 @@ class Trial:
                 shutil.copytree(ROOT / "offline", tree / "offline")
                 path = tree / "offline" / number.file
                 path.write_text(changed(path.read_text(encoding="utf-8"), number, factor), encoding="utf-8")
-            single = bool(name) or ROOT / "offline" / number.file in self._single
+            single = bool(name) or not (number.file.startswith("burst/") or number.file in _OF_BURSTS)
             tried = [case for case in CASES if (case == "burst") != single]
             try:
                 first = json.loads(self._run(tree, self._first, name, factor, tried))

@@ -1,20 +1,20 @@
 """Compiling once per machine, and telling who waits."""
 
 import errno
-import re
 import shutil
 import threading
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numba
 import numpy as np
 import pytest
-from numba.core.caching import CacheImpl, IndexDataCacheFile
-from numba.core.compiler import Compiler
 
 from offline.kernels import compile as product
-from offline.kernels.arrays import Floats1, Ints1
+from offline.kernels.arrays import Ints1
 from offline.kernels.highlights import interpolate, raise_clipped
-from shared.arrays import FloatArray, IndexArray
+from shared.arrays import IndexArray
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -49,19 +49,17 @@ def copied(folder: Path) -> None:
 COMPILED, KEPT = "compiling 1\n3 2\n", "3 2\n"
 
 
-def test_a_kernel_is_compiled_once_until_a_file_that_it_imports_changes_or_it_is_kept_badly(tmp_path: Path) -> None:
+def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_kept_badly(tmp_path: Path) -> None:
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
-    medians = tmp_path / "offline/kernels/medians.py"  # another kernel
-    medians.write_text(medians.read_text() + "# changed\n")
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    needed = tmp_path / "shared/arrays.py"  # a file that the kernel's own file imports imports it
-    needed.write_text(needed.read_text() + "# changed\n")
+    helper = tmp_path / "offline/kernels/functions.py"  # from which the kernel takes a function
+    helper.write_text(helper.read_text() + "# changed\n")
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
-    for damaged in ("nbi", "nbc"):
-        for path in tmp_path.rglob(f"*.{damaged}"):
-            path.write_bytes(path.read_bytes()[:-9])
-        assert run_python(SCRIPT, folder=tmp_path) == COMPILED
+    for path in tmp_path.rglob("mirror*.nb[ic]"):
+        path.write_bytes(path.read_bytes()[:-9])
+    assert run_python(SCRIPT, folder=tmp_path) == KEPT  # compiled without a word, as it seemed to be there
+    assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
 
 
@@ -99,65 +97,22 @@ def test_kernels_are_counted_and_their_parts_are_not(tmp_path: Path) -> None:
     )
 
 
-def cubed(numbers: FloatArray) -> bool:
-    """Replace numbers by a polynomial of them that a part computes; returns whether the part is machine code of its own."""
-
-    def polynomial(x: float) -> float:
-        return x * x * x + x * 3 + 1
-
-    part = product.kernel(polynomial)
-
-    def replace(pieces: product.Pieces, numbers: Floats1, /) -> None:
-        for place in range(pieces[0], pieces[1]):
-            numbers[place] = part(numbers[place])
-
-    made = product.ParallelKernel(replace, len)
-    made(numbers)
-    (code,) = made._dispatcher.inspect_llvm().values()
-    assert not re.search("call .*polynomial", code)  # it is inlined
-    (compiled,) = vars(part)["overloads"].values()
-    return bool(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
-
-
-def test_parts_become_machine_code_with_their_kernels_alone_and_give_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-    numbers = np.random.default_rng(0).random(999, np.float32)
-    alone, ordinary = numbers.copy(), numbers.copy()
-    assert not cubed(alone)
-    with monkeypatch.context() as numba:
-        numba.setattr(product._PartCompiler, "define_pipelines", Compiler.define_pipelines)
-        assert cubed(ordinary)
-    assert alone.tobytes() == ordinary.tobytes() != numbers.tobytes()
-
-
 def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
     for place in range(pieces[0], pieces[1]):
         numbers[place] += 1
 
 
-def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+@pytest.mark.parametrize("error", [RuntimeError("no locator available"), OSError(errno.ENOSPC, "No space left on device")])
+def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    def njit(*signatures: Any, cache: bool = False, **options: Any) -> Any:
+        if cache:
+            raise error
+        return numba.njit(*signatures, **options)
+
+    monkeypatch.setattr(product, "numba", SimpleNamespace(njit=njit))
     made, numbers = product.ParallelKernel(more, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
-    assert not made.kept()
-    with pytest.raises(RuntimeError):
-        product.kernel_cache()
-
-
-def test_a_full_disk_behind_the_cache_costs_only_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    def unkept(pieces: product.Pieces, numbers: Ints1, /) -> None:  # another test, in an earlier run, keeps `more`
-        for place in range(pieces[0], pieces[1]):
-            numbers[place] += 1
-
-    monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    made, numbers = product.ParallelKernel(unkept, len), np.arange(3)
-    made(numbers)
-    assert numbers.tolist() == [1, 2, 3]
-    assert not made.kept()
 
 
 def test_a_kernel_takes_what_it_is_declared_for() -> None:
@@ -179,7 +134,7 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.
     def work(part: product.Pieces, _: IndexArray) -> None:
         seen.append((part[1] - part[0], threading.get_ident() == asking))
 
-    monkeypatch.setattr(made, "_dispatcher", work)
+    monkeypatch.setattr(made, "_compiled", work)
     made(np.arange(product.LITTLE))
     assert seen == [(product.LITTLE, True)]
     made(np.arange(4 * product.LITTLE))

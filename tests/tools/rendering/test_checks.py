@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba.core.caching import CacheImpl
 
 import offline
 from offline import BEST, PRESETS, available_threads, threads, use_threads
@@ -167,7 +166,6 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     def fresh(_: Pieces, numbers: Floats1, /) -> None:
         numbers[0] = 2
 
-    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
     kernel = ParallelKernel(fresh, len)
     monkeypatch.setattr("offline.kernel_cache", nowhere)
     said: list[str] = []
