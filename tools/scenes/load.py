@@ -22,6 +22,7 @@ from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from .decoders import FORMATS, TIFF, PictureFormat, guarded
+from .dng_opcodes import remark_on_opcodes
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 from .drawn.spectral import spectral_scene
@@ -79,8 +80,10 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
         gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
+        notes = remark_on_opcodes(path) if is_dng else ()
         linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
-    return linear_scene or camera_raw_scene(path, max_pixels)
+    scene = linear_scene or camera_raw_scene(path, max_pixels)
+    return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 
 def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:

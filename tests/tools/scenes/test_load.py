@@ -17,7 +17,7 @@ from shared.reading import MAX_PIXELS
 from tests.data import DATA
 from tests.python import run_python
 from tests.tools.scenes.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
-from tools.scenes.limited import run_limited
+from tools.scenes.limited import Facts, run_limited
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene, check_size
 
@@ -239,7 +239,7 @@ def test_what_is_no_scene_is_refused_with_the_reason(tmp_path: Path, name: str, 
 # --- a call in a process with limits ---------------------------------------------------------------------------------------------
 
 
-def _answer(path: Path, what: str) -> str:
+def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
     match what:
         case "refuse":
             raise InputError("is odd")
@@ -247,16 +247,17 @@ def _answer(path: Path, what: str) -> str:
             while True:
                 pass
         case "swell":
-            return str(len(bytearray(1 << 30)))
+            return np.ones((1 << 15, 1 << 15), np.uint8), {}
         case "crash":
             os.abort()
     print("a library prints")
-    return f"{path.name} {what}"
+    return np.arange(6, dtype=np.uint16).reshape(2, 3), {"what": what, "name": Path(path).name}
 
 
 def test_the_result_comes_back(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"1")
-    assert run_limited(tmp_path / "a", ("time",), _answer, tmp_path / "a", "read") == "a read"
+    samples, facts = run_limited(tmp_path / "a", ("time",), _answer, str(tmp_path / "a"), "read")
+    assert (samples.tolist(), samples.dtype, facts) == ([[0, 1, 2], [3, 4, 5]], np.uint16, {"what": "read", "name": "a"})
 
 
 @pytest.mark.parametrize(
@@ -265,4 +266,4 @@ def test_the_result_comes_back(tmp_path: Path) -> None:
 def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, said: str) -> None:
     (tmp_path / "a").write_bytes(b"1")
     with pytest.raises(InputError, match=said):
-        run_limited(tmp_path / "a", (), _answer, tmp_path / "a", what)
+        run_limited(tmp_path / "a", (), _answer, str(tmp_path / "a"), what)
