@@ -59,6 +59,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene:
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
     samples, facts = run_limited(path, NEEDED, unpack_quads, str(path), max_pixels)
+    _check_samples(samples)
     with guarded(path):
         rgb, gone = _quads(samples, facts)
         directories = raw_directories(path)
@@ -73,7 +74,14 @@ def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     max_pixels: larger files are refused.
     Raises InputError, with the reason, for files without such samples.
     """
-    return run_limited(path, NEEDED, unpack_samples, str(path), max_pixels)[0]
+    samples, _ = run_limited(path, NEEDED, unpack_samples, str(path), max_pixels)
+    _check_samples(samples)
+    return samples
+
+
+def _check_samples(samples: NDArray[Any]) -> None:
+    if samples.ndim != 2 or samples.dtype != np.uint16:
+        raise InputError(f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; copy it again")
 
 
 def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:

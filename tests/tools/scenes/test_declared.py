@@ -106,6 +106,8 @@ SRGB_16 = codes(encode_srgb(LIGHT))
         (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
         (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
         (SRGB_16, {"iCCP": iccp(b"nonsense"), "gAMA": gama(0.45455)}, 1),
+        (SRGB_16, {"iCCP": b"profile\0\0no zlib", "gAMA": gama(0.45455)}, 1),
+        (SRGB_16, {"iCCP": bytes(5 << 20), "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"gAMA": gama(0.45455), "cHRM": bytes(32)}, 1),
         (SRGB_16, {"sRGB": b"\0", "mDCV": bytes(24), "cLLI": bytes(8)}, 1),
         (SRGB_16, {"sRGB": b"\0", "mDCv": bytes(24), "cLLi": bytes(8), "acTL": bytes(8)}, 1),

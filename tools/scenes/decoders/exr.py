@@ -19,7 +19,7 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file; its values are linear."""
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
-    if pixels.dtype.kind != "f":
+    if pixels.dtype.kind != "f" or pixels.ndim != 3:
         raise InputError(f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save it as half or float")
     found, notes = str(facts["channels"]), remark_on_unused(map(str, facts["unused"]))
     if facts["chromaticities"] is None:

@@ -70,7 +70,8 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
                 beside[name] = file.read(size)[:-4]
             else:
                 file.seek(size, 1)
-                what = _UNUSED.get(name[:3] + name[3:].upper())  # drafts wrote mDCv and cLLi
+                # Drafts wrote mDCv and cLLi.
+                what = _UNUSED.get(name[:3] + name[3:].upper()) or (name.decode() if name in _BESIDE else "")
                 if what and what not in unused:
                     unused.append(what)
             if name == b"IEND":
@@ -89,11 +90,12 @@ def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int) -> tuple
         encoding = _coded(beside[b"cICP"], peak)
         if encoding is None:
             unused.append(f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does not read")
-    if encoding is None:
-        compressed = beside.get(b"iCCP", b"").partition(b"\0")[2][1:]  # behind its name and the method, of which there is one
+    if encoding is None and b"iCCP" in beside:
+        profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]  # behind its name and the method, of which there is one
         with suppress(zlib.error):
-            encoding, remarks = profile_encoding(zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE))
-            notes += remarks
+            profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
+        encoding, remarks = profile_encoding(profile or compressed or b"none")
+        notes += remarks
     if encoding is None:
         encoding = SRGB if b"sRGB" in beside else _gamma_and_primaries(beside, unused)
     return encoding, (*notes, *remark_on_unused(unused))
