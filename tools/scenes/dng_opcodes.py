@@ -34,7 +34,7 @@ def remark_on_opcodes(path: Path) -> tuple[str, ...]:
 
 
 def _names(opcodes: bytes) -> list[str]:
-    found, place, count = [], 4, int.from_bytes(opcodes[:4], "big")
+    found, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
     while place + _HEAD <= len(opcodes) and len(found) < min(count, 1024):
         number, length = (int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12))
         found.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")

@@ -103,7 +103,7 @@ def serve() -> None:
     signal.setitimer(signal.ITIMER_PROF, 0)
     head = {"refused": refused, "dtype": samples.dtype.name, "shape": samples.shape, "facts": facts}
     answer.write(json.dumps(head).encode() + b"\n")
-    answer.write(np.ascontiguousarray(samples).reshape(-1).view(np.uint8))
+    answer.write(np.ascontiguousarray(samples).reshape(-1).view(np.uint8).data)
     answer.close()
 
 

@@ -32,6 +32,10 @@ def in_space(primaries: Any, light: Any = LIGHT) -> np.ndarray[Any, Any]:
     return light @ (np.linalg.inv(primaries_to_xyz(primaries)) @ SRGB_TO_XYZ).T
 
 
+def srgb(light: Any) -> Any:
+    return encode_srgb(np.asarray(light, np.float32))
+
+
 def pq(light: Any) -> Any:
     """BT.2100, table 4: inverse EOTF; white is 203 cd/m2 (BT.2408)."""
     power = (light * 203 / 10000) ** (1305 / 8192)
@@ -80,19 +84,19 @@ def check(scene: Scene, light: Any = LIGHT, tolerance: float = 1e-3) -> None:
     np.testing.assert_allclose(scene.rgb @ np.transpose(scene.camera_to_xyz), light @ np.transpose(SRGB_TO_XYZ), atol=tolerance)
 
 
-SRGB_16 = codes(encode_srgb(LIGHT))
+SRGB_16 = codes(srgb(LIGHT))
 
 
 @pytest.mark.parametrize(
     ("samples", "chunks", "notes"),
     [
-        (codes(encode_srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
+        (codes(srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
         (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 1),
         (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 1),
         (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 1),
         (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
-        (codes((16 + 219 * encode_srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
+        (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
         # the order: cICP, iCCP, sRGB, then gAMA and cHRM
         (SRGB_16, {"gAMA": gama(1), "sRGB": b"\0", "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"}, 0),
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(SRGB_PROFILE), "cHRM": chrm(ADOBE)}, 0),
@@ -101,7 +105,7 @@ SRGB_16 = codes(encode_srgb(LIGHT))
         (SRGB_16, {"gAMA": gama(0.45455)}, 0),
         (codes(in_space(ADOBE) ** (256 / 563)), {"gAMA": gama(256 / 563), "cHRM": chrm(ADOBE)}, 0),
         (codes(in_space(ADOBE)), {"gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
-        (codes(encode_srgb(in_space(ADOBE)), np.uint8), {"cHRM": chrm(ADOBE)}, 0),
+        (codes(srgb(in_space(ADOBE)), np.uint8), {"cHRM": chrm(ADOBE)}, 0),
         # what is not read is said, and the next counts
         (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
         (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
@@ -165,7 +169,7 @@ def exif(space: int | None, index: str = "") -> bytes:
     return block.tobytes()
 
 
-ADOBE_CODES, SRGB_CODES = in_space(ADOBE, BLOCKS) ** (256 / 563), encode_srgb(BLOCKS)
+ADOBE_CODES, SRGB_CODES = in_space(ADOBE, BLOCKS) ** (256 / 563), srgb(BLOCKS)
 
 
 @pytest.mark.parametrize(

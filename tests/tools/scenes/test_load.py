@@ -268,7 +268,9 @@ def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
 def test_the_result_comes_back(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"1")
     samples, facts = run_limited(tmp_path / "a", ("time",), _answer, str(tmp_path / "a"), "read")
-    assert (samples.tolist(), samples.dtype, facts) == ([[0, 1, 2], [3, 4, 5]], np.uint16, {"what": "read", "name": "a"})
+    assert samples.dtype == np.uint16
+    assert samples.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert facts == {"what": "read", "name": "a"}
 
 
 @pytest.mark.parametrize(
