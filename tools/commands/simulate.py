@@ -164,7 +164,9 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) ->
         try:
             development.check()
         except InputError:
-            return (f"no {TRUTH_PICTURE}: the channels {mosaic.calibration.channels} have no known colours",)
+            return (
+                f"no {TRUTH_PICTURE}: the colours of the channels {mosaic.calibration.channels} are unknown, or those of no light",
+            )
         write_picture(path, [exposed.truth], development, overwrite=overwrite)
     return ()
 

@@ -169,7 +169,7 @@ def test_the_truth_is_also_a_picture_to_look_at(out: Path, light: float) -> None
 def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said(out: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "two.npy", np.full((24, 24, 2), 0.5, np.float32))
     outcome = run("simulate", tmp_path / "two.npy", "-o", out, "--pattern", "AB/WW", "--truth", "--json", code=0)
-    assert "no .truth.png: the channels AB have no known colours" in outcome.err
+    assert "no .truth.png: the colours of the channels AB are unknown" in outcome.err
     assert {Path(name).name for name in outcome.records[0]["outputs"]} == names(out) == {"two.dng", "two.truth.tif"}
 
 

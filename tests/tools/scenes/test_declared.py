@@ -259,6 +259,13 @@ def test_fields_of_tiff(tmp_path: Path, samples: Any, tags: list[Any], icc: byte
     assert len(scene.notes) == notes
 
 
+def test_exif_in_a_tiff_tells_adobe_rgb(tmp_path: Path) -> None:
+    Image.fromarray(codes(ADOBE_CODES, np.uint8)).save(tmp_path / "a.tif", exif=exif(2))
+    scene = load_scene(str(tmp_path / "a.tif"))
+    check(scene, BLOCKS, 0.01)
+    assert scene.notes == ()
+
+
 @pytest.mark.parametrize("bits", [8, 10, 12, 14])
 @pytest.mark.parametrize("suffix", [".tif", ".png", ".npy"])
 def test_samples_of_fewer_bits_in_wider_words_are_said_with_the_remedy(tmp_path: Path, bits: int, suffix: str) -> None:
@@ -323,3 +330,11 @@ def test_other_channels_of_an_exr_are_said_in_one_note(tmp_path: Path) -> None:
     scene = load_scene(str(tmp_path / "a.exr"))
     assert scene.notes == ("not used: channel A, channel Z",)
     np.testing.assert_allclose(scene.camera_to_xyz, primaries_to_xyz(BT2020), atol=1e-6)
+
+
+def test_impossible_chromaticities_of_an_exr_are_said(tmp_path: Path) -> None:
+    with OpenEXR.File({"chromaticities": (0.3,) * 8}, {"RGB": np.full((5, 7, 3), 0.5, np.float32)}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    scene = load_scene(str(tmp_path / "a.exr"))
+    assert scene.camera_to_xyz == SRGB_TO_XYZ
+    assert "chromaticities" in scene.notes[0]

@@ -21,13 +21,11 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
         raise InputError(f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save it as half or float")
-    found, notes = str(facts["channels"]), remark_on_unused(map(str, facts["unused"]))
-    if facts["chromaticities"] is None:
-        return Decoded(pixels, None, channels=found, notes=notes)
-    matrix = space_of(facts["chromaticities"])
-    if matrix is None:
-        raise InputError("the EXR's chromaticities are those of no colours: it is damaged; save it again")
-    return Decoded(pixels, None, Encoding((), matrix, "the file's chromaticities"), channels=found, notes=notes)
+    stated, unused = facts["chromaticities"], [str(name) for name in facts["unused"]]
+    matrix = space_of(stated) if stated else None
+    unused += ["its chromaticities, which are those of no colours"] if stated and not matrix else []
+    encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
+    return Decoded(pixels, None, encoding, notes=remark_on_unused(unused), channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], Facts]:
