@@ -99,6 +99,8 @@ def _peak(page: Any, pixels: NDArray[Any]) -> tuple[int | None, tuple[str, ...]]
     if pixels.dtype.kind != "u":
         return None, ()
     peak = (1 << page.bitspersample) - 1
+    if _TRANSFER in page.tags:  # a table for all samples
+        return peak, ()
     stated = max((*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()), default=peak)
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
@@ -114,11 +116,9 @@ def _declared(page: Any) -> tuple[Encoding | None, tuple[str, ...]]:
         unused.append("ReferenceBlackWhite")
     corners = (*tag_numbers(page, _PRIMARIES), *(tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY))
     to_xyz = space_of(corners)
-    unused += [
-        name
-        for tag, name in ((_PRIMARIES, "PrimaryChromaticities"), (_WHITE_POINT, "WhitePoint"))
-        if tag in page.tags and not to_xyz
-    ]
+    if to_xyz is None:
+        names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
+        unused += [name for tag, name in names.items() if tag in page.tags]
     curves: tuple[Curve, ...] = ()
     if field := page.tags.get(_TRANSFER):
         values = 1 << page.bitspersample
