@@ -12,8 +12,8 @@ from .errors import InputError
 LOSSLESS = 0xC3
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # without Huffman tables, extensions, arithmetic conditioning
-_SCAN, _END, _APPLICATION = 0xDA, 0xD9, 0xE1
-_EXIF = b"Exif\0\0"
+_SCAN, _END = 0xDA, 0xD9
+_APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
 _MOST_SCANS = 32  # of a progressive JPEG; encoders make about ten
@@ -30,7 +30,9 @@ class JpegHeader:
     kind: marker of the frame, 0xC0 to 0xCF.
     rows, columns, components: the size.
     scans: how many there are.
-    exif: the Exif block from all segments that hold one, without their prefix.
+    bits: of a sample.
+    complete: the end of the picture is marked.
+    applications: what the segments for applications hold, APP0 to APP15, in their order.
     """
 
     kind: int
@@ -38,7 +40,18 @@ class JpegHeader:
     columns: int
     components: int
     scans: int
-    exif: bytes
+    bits: int
+    complete: bool
+    applications: tuple[bytes, ...]
+
+    def held(self, prefix: bytes) -> list[bytes]:
+        """What the segments that begin with `prefix` hold behind it."""
+        return [segment.removeprefix(prefix) for segment in self.applications if segment.startswith(prefix)]
+
+    @property
+    def exif(self) -> bytes:
+        """The Exif block from all segments that hold one."""
+        return b"".join(self.held(b"Exif\0\0"))
 
     def check(self, most_pixels: int) -> None:
         """Raise InputError for more pixels or scans than a decoder should be given."""
@@ -53,7 +66,7 @@ def read_header(jpeg: bytes) -> JpegHeader:
 
     Raises InputError when it declares no size, and for more segments or filling than any JPEG has.
     """
-    place, frame, scans, segments, filling, exif = 2, None, 0, 0, 0, []
+    place, frame, scans, segments, filling, marker, applications = 2, None, 0, 0, 0, 0, list[bytes]()
     while found := _MARKER.search(jpeg, place):
         segments += 1
         filling += 0 if scans else found.start() - place
@@ -65,8 +78,8 @@ def read_header(jpeg: bytes) -> JpegHeader:
         length = max(2, int.from_bytes(jpeg[place : place + 2], "big"))
         if marker in _FRAMES and frame is None:
             frame = marker, jpeg[place + 2 : place + 8]
-        elif marker == _APPLICATION and jpeg.startswith(_EXIF, place + 2):
-            exif.append(jpeg[place + 2 + len(_EXIF) : place + length])
+        elif marker in _APPLICATIONS:
+            applications.append(jpeg[place + 2 : place + length])
         scans += marker == _SCAN
         place += length
     if frame is None or len(frame[1]) < 6:
@@ -75,4 +88,4 @@ def read_header(jpeg: bytes) -> JpegHeader:
         raise InputError(_WASTEFUL)
     kind, size = frame
     rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
-    return JpegHeader(kind, rows, columns, size[5], scans, b"".join(exif))
+    return JpegHeader(kind, rows, columns, size[5], scans, size[0], marker == _END, tuple(applications))

@@ -16,7 +16,7 @@ MOST_FIELDS = 1024
 BYTES = (1, 2, 6, 7)
 """Field types whose values are bytes: BYTE, ASCII, SBYTE, UNDEFINED."""
 _BIG = 43
-_EXIF, _GPS = 34665, 34853
+_EXIF, _GPS, _INTEROPERABILITY = 34665, 34853, 40965
 _LONGEST = 1 << 16  # bytes of a field
 
 
@@ -118,11 +118,12 @@ StoredFields = dict[int, StoredField]
 
 @dataclass(frozen=True)
 class StoredDirectories:
-    """The fields of the first directory of a file, of its Exif and of its GPS directory, by tag."""
+    """The fields of the first directory of a file, of its Exif, GPS and interoperability directories, by tag."""
 
     main: StoredFields = field(default_factory=dict)
     exif: StoredFields = field(default_factory=dict)
     gps: StoredFields = field(default_factory=dict)
+    interoperability: StoredFields = field(default_factory=dict)
 
 
 def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> StoredDirectories:
@@ -134,8 +135,9 @@ def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> Store
     """
     structure = Structure(file, place)
     main = _directory(structure, structure.first, wanted | {_EXIF, _GPS})
-    below = [_directory(structure, _offset(main.pop(tag, None)), wanted) for tag in (_EXIF, _GPS)]
-    return StoredDirectories(main, *below)
+    exif = _directory(structure, _offset(main.pop(_EXIF, None)), wanted | {_INTEROPERABILITY})
+    gps = _directory(structure, _offset(main.pop(_GPS, None)), wanted)
+    return StoredDirectories(main, exif, gps, _directory(structure, _offset(exif.pop(_INTEROPERABILITY, None)), wanted))
 
 
 def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFields:

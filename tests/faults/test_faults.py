@@ -43,7 +43,7 @@ def test_the_trials_notice(scenario: Scenario, tmp_path: Path) -> None:
     older = replacing(scenario)
     older.lay_out(folder)
     assert older.faults(folder, finished=False) == []
-    assert len(older.faults(folder, finished=True)) == len(older.outputs) == 2
+    assert len(older.faults(folder, finished=True)) == len(older.outputs) == 3
     (folder / "out" / "scene.dng").write_bytes(b"half")
     (folder / "out" / "scene.truth.tif").unlink()
     (folder / "out" / ".x.12345678.panchroma.part").touch()

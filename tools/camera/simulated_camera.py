@@ -34,8 +34,6 @@ BITS = 12
 FULL_EXPOSURE = SensorProtocol(1.0)
 _SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
 _SEED = 0
-TRUTH = ".truth.tif"
-"""What the name of a file that holds the truth of a shot ends in, behind the stem of the shot."""
 
 
 @dataclass(frozen=True, eq=False)

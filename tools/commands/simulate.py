@@ -14,6 +14,7 @@ the order of the pattern's letters. Filters C, M and Y are made from red, green 
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -27,7 +28,7 @@ from shared.writing import write_durably
 from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from tools.camera.lens import Lens
 from tools.camera.simulated_camera import BITS as DEFAULT_BITS
-from tools.camera.simulated_camera import TRUTH, SimulatedCamera
+from tools.camera.simulated_camera import Exposed, SimulatedCamera
 from tools.host.console import Console
 from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
@@ -36,13 +37,13 @@ from tools.host.work import Here
 from tools.pictures.development import Development, write_picture
 from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
-from tools.scenes.load import ENDINGS, is_drawn, load_scene
+from tools.scenes.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
 
 from .options import add, add_protocol, camera_of, count, numbers, option, protocol_of
 
 RAW = "raw"
 """Layout of a frame of samples alone."""
-_MEASURED = PictureKind("tif", 32, "camera")
+_MEASURED, _SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(
         parser,
         "--truth",
-        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; "
+        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render, "
+        f"and as STEM{TRUTH_PICTURE}, sRGB, to look at; "
         "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others",
     )
     add(parser, "max-pixels", "overwrite")
@@ -104,7 +106,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
-        beside = [f"{stem}{TRUTH}", *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
+        truth = [f"{stem}{TRUTH}", f"{stem}{TRUTH_PICTURE}"]
+        beside = [*truth, *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
         return [*(f"{shot}.{ending}" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
@@ -113,6 +116,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def work(job: Job, progress: StageProgress) -> Outcome:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
         taken: dict[str, SimulatedFrame] = {}
+        missing: tuple[str, ...] = ()
         progress.stage("reading", 1)
         scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
         frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
@@ -127,29 +131,44 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             else:
                 write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             if not taken and beside:
-                development = Development(_MEASURED, mosaic.shape, mosaic.calibration, mosaic.metadata)
-                write_picture(beside[0], [exposed.truth], development, overwrite=arguments.overwrite)
+                missing = _write_truth(exposed, beside[:2], overwrite=arguments.overwrite)
             taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
             progress.advance()
-        for path in beside[1:]:
+        for path in beside[2:]:
             write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        noted.append((job.source, exposed.notes))
+        noted.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
         lines = [f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits" for shot in shots]
-        facts = {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
+        written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
+        facts = {"outputs": written, "width": columns, "height": rows}
         if is_series:
             facts["reference"] = str(shots[0])
         if is_series and beside:
             lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; panchroma burst --reference {shots[0]} shows the same")
         return Outcome(facts, tuple(lines))
 
-    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
+    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
     searched = found.report(console)
     noted: list[tuple[str, tuple[str, ...]]] = []
     each_shown = Here(lambda job: console.progress(job.source))
     code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite, workers=each_shown)
     console.notes(noted)
     return code if searched else FAILED
+
+
+def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) -> tuple[str, ...]:
+    """Write the truth of a shot as a measurement and as a picture; returns a remark if its channels have no colours to show."""
+    mosaic = exposed.mosaic
+    for path, kind in zip(paths, (_MEASURED, _SHOWN), strict=True):
+        development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
+        try:
+            development.check()
+        except InputError:
+            return (
+                f"no {TRUTH_PICTURE}: the colours of the channels {mosaic.calibration.channels} are unknown, or those of no light",
+            )
+        write_picture(path, [exposed.truth], development, overwrite=overwrite)
+    return ()
 
 
 def noise_of(seed: int, name: str | Path) -> np.random.Generator:

@@ -14,7 +14,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.white_balance import shades_of_grey
 from tools.host.folders import search
-from tools.scenes.load import ENDINGS, is_drawn, load_scene
+from tools.scenes.load import ENDINGS, is_drawn, load_scene, set_aside
 from tools.scenes.scene import RGB, Scene
 
 from .metrics import BORDER, PSNR_PATCH
@@ -135,7 +135,7 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     output: a folder that is not searched.
     Raises InputError for a folder that cannot be read, or has no scene.
     """
-    found = search(sources, ENDINGS, output=output, is_file=is_drawn)
+    found = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
     for folder, what in found.failures:
         raise InputError(f"{folder}: {what}")
     return list(dict.fromkeys(each.name for each in found.sources)), found.left_out

@@ -1,7 +1,7 @@
 """What a command works on: files that are named, and the fitting files in and below folders. All commands search them alike."""
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from .jobs import Job, fail, identity
 # Endings of the names of shots.
 DNGS = (".dng",)
 _NAMED = 3  # files that a remark names, before it counts the others
+SetAside = Callable[[Sequence[str]], Mapping[str, str]]
+"""Says which of the fitting files in one folder are not taken, and why, in words that follow their names."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ def search(
     *,
     output: Path | None = None,
     is_file: Callable[[str], bool] = lambda _: False,
+    set_aside: SetAside = lambda _: {},
 ) -> Search:
     """Find the files to work on.
 
@@ -70,6 +73,7 @@ def search(
     endings: of the names of fitting files, in lower case, with the dot.
     output: folder of results, which is not searched.
     is_file: says of a name that it is none of a folder, whatever the disk holds.
+    set_aside: see `SetAside`; a file that the user names is taken.
 
     Hidden files and folders are left out, and links to folders are not followed.
     """
@@ -80,14 +84,14 @@ def search(
         elif is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             found.sources.append(Source(source))
         else:
-            _search(source, endings, identity(output) if output else None, found)
+            _search(source, endings, identity(output) if output else None, set_aside, found)
     return found
 
 
-def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, found: Search) -> None:
+def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, set_aside: SetAside, found: Search) -> None:
     errors: list[OSError] = []
     fitting: list[Source] = []
-    others: list[str] = []
+    others: dict[str, list[str]] = {"": []}  # why -> files
     counts = {"hidden": 0, "result": 0, "linked": 0}
     for place, folders, files in os.walk(top, onerror=errors.append):
         searched = []
@@ -101,22 +105,29 @@ def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, 
             else:
                 searched.append(name)
         folders[:] = searched
+        taken = []
         for name in sorted(files):
             path = os.path.join(place, name)  # noqa: PTH118
             fits = Path(name).suffix.lower() in endings
             if fits and not name.startswith("."):
-                fitting.append(Source(path, Path(os.path.relpath(path, top))))
+                taken.append(path)
             elif fits or not name.startswith("."):  # hidden files of other kinds are the system's, and ours
-                others.append(os.path.relpath(path, top))
+                others[""].append(os.path.relpath(path, top))
+        aside = set_aside(taken)
+        fitting += [Source(path, Path(os.path.relpath(path, top))) for path in taken if path not in aside]
+        for path, why in aside.items():
+            others.setdefault(f" {why}", []).append(os.path.relpath(path, top))
     found.sources.extend(fitting)
     found.failures.extend((str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors)
     if not fitting and not errors:
         found.failures.append(
             (top, f"no {' or '.join(endings) if len(endings) < 3 else 'fitting'} file is in this folder or below it")
         )
-    parts = (
-        [", ".join(others[:_NAMED]) + (f" and {len(others) - _NAMED} more files" if len(others) > _NAMED else "")] if others else []
-    )
+    parts = [
+        ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else "") + why
+        for why, names in others.items()
+        if names
+    ]
     parts += [f"{count} {kind} {'folder' if count == 1 else 'folders'}" for kind, count in counts.items() if count]
     if parts:
         found.left_out.append(f"{top}: left out {'; '.join(parts)}")

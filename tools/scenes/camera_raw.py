@@ -7,6 +7,7 @@ is compared with measured values at every pixel.
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,11 +28,11 @@ from shared.white_balance import clipped_share, normalised, shades_of_grey
 
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
-from .limited import run_limited
+from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
-NEEDED = "rawpy", "PIL.Image", "scipy.ndimage"
-"""Packages that reading a RAW imports: they are loaded before its time is counted, which is less than they take."""
+NEEDED = ("rawpy",)
+"""Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less than they take."""
 _CHANNELS = "RGB"
 _COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
 _COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
@@ -57,7 +58,13 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene:
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
-    return run_limited(path, NEEDED, _read, path, max_pixels)
+    samples, facts = run_limited(path, NEEDED, unpack_quads, str(path), max_pixels)
+    _check_samples(samples)
+    with guarded(path):
+        rgb, gone = _quads(samples, facts)
+        directories = raw_directories(path)
+        metadata = _metadata(facts, directories)
+        return camera_scene(path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"])
 
 
 def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -67,55 +74,77 @@ def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     max_pixels: larger files are refused.
     Raises InputError, with the reason, for files without such samples.
     """
-    return run_limited(path, NEEDED[:1], _samples, path, max_pixels)
+    samples, _ = run_limited(path, NEEDED, unpack_samples, str(path), max_pixels)
+    _check_samples(samples)
+    return samples
 
 
-def _samples(path: Path, max_pixels: int) -> CodeArray:
-    with _unpacked(path, max_pixels) as (raw, rawpy):
-        _check_mosaic(raw, rawpy, "give a file with the samples of the sensor")
-        return np.array(raw.raw_image_visible)
+def _check_samples(samples: NDArray[Any]) -> None:
+    if samples.ndim != 2 or samples.dtype != np.uint16:
+        raise InputError(f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; copy it again")
+
+
+def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
+    """Return the samples of the visible area as LibRaw reads them, uint16 (H, W), and no facts. Call it by `run_limited`."""
+    with guarded(path), _opened(path, max_pixels) as raw:
+        _check_mosaic(raw, "give a file with the samples of the sensor")
+        return np.array(raw.raw_image_visible), {}
+
+
+def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
+    """Return the samples of a Bayer RAW as `unpack_samples` does, and what LibRaw knows of them. Call it by `run_limited`."""
+    with guarded(path), _opened(path, max_pixels) as raw:
+        pattern = bayer_pattern(raw)
+        facts: Facts = {
+            "pattern": pattern.tolist(),
+            "letters": raw.color_desc.decode("ascii", "replace"),
+            "blacks": [float(level) for level in raw.black_level_per_channel],
+            # Not camera_white_level_per_channel: some makers set it below samples that are still linear, and relative to
+            # another black.
+            "white": float(raw.white_level),
+            "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
+            "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),  # LibRaw has a table of cameras
+            "flip": int(raw.sizes.flip),
+        }
+        if (lens := getattr(raw, "lens", None)) is not None:
+            facts["lens"] = str(lens.model or "")
+        if (other := getattr(raw, "other", None)) is not None:
+            facts |= {"artist": str(other.artist or ""), "f_number": float(other.aperture), "iso": float(other.iso_speed)}
+            facts |= {"focal_length": float(other.focal_length), "exposure_time": float(other.shutter_speed)}
+            facts["taken"] = other.timestamp.isoformat() if other.timestamp else ""
+        return np.array(raw.raw_image_visible), facts
 
 
 @contextmanager
-def _unpacked(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
-    """In the `with` block, a RAW whose samples LibRaw has read, and rawpy; errors of the block are those of `guarded`."""
+def _opened(path: str, max_pixels: int) -> Iterator[Any]:
+    """In the `with` block, a RAW whose samples LibRaw has read."""
     import rawpy
 
-    with guarded(path):
-        try:
-            with rawpy.RawPy() as raw:
-                raw.open_file(str(path))
-                sizes = raw.sizes
-                check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
-                raw.unpack()
-                yield raw, rawpy
-        except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
-            raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
+    try:
+        with rawpy.RawPy() as raw:
+            raw.open_file(path)
+            sizes = raw.sizes
+            check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
+            raw.unpack()
+            yield raw
+    except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
+        raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
 
 
-def _read(path: Path, max_pixels: int) -> Scene:
-    with _unpacked(path, max_pixels) as (raw, rawpy):
-        rgb, gone = _quads(raw, rawpy)
-        directories, known = raw_directories(path), raw.rgb_xyz_matrix[:3]  # LibRaw has a table of cameras
-        return camera_scene(path.stem, rgb, gone, _neutral(raw), directories.main, _metadata(raw, directories), known)
+def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
+    """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how far each is clipped.
 
-
-def _quads(raw: Any, rawpy: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the samples of an opened RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how far each is clipped."""
-    pattern = bayer_pattern(raw, rawpy)
-    samples: NDArray[np.uint16] = raw.raw_image_visible
+    samples, facts: see `unpack_quads`.
+    """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
         raise InputError(f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad fits")
-    blacks = [float(level) for level in raw.black_level_per_channel]
-    # Not camera_white_level_per_channel: some makers set it below samples that are still linear, and relative to another black.
-    white = float(raw.white_level)
+    blacks, white, letters = facts["blacks"], facts["white"], facts["letters"]
     if not max(blacks) < white:
         raise InputError(f"black level {max(blacks):g} is not below white level {white:g}: the file's levels are damaged")
-    letters = raw.color_desc.decode("ascii", "replace")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone, limit = np.zeros_like(rgb), saturation(samples, white)
-    for (row, column), index in np.ndenumerate(pattern):
+    for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
         black, channel = blacks[index], _CHANNELS.index(letters[index])
         light = (samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)) / np.float32(white - black)
         rgb[..., channel] += light
@@ -126,10 +155,10 @@ def _quads(raw: Any, rawpy: Any) -> tuple[FloatArray, FloatArray]:
     return np.maximum(rgb, 0, out=rgb), gone
 
 
-def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
+def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
-    _check_mosaic(raw, rawpy, no_quads)
+    _check_mosaic(raw, no_quads)
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
@@ -146,7 +175,9 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     return cast(NDArray[np.uint8], pattern)
 
 
-def _check_mosaic(raw: Any, rawpy: Any, remedy: str) -> None:
+def _check_mosaic(raw: Any, remedy: str) -> None:
+    import rawpy
+
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
         raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}")
 
@@ -184,9 +215,9 @@ def camera_scene(
     return Scene(rgb, name, matrix, neutral, metadata, tuple(notes), not as_shot and neutral is not None)
 
 
-def _neutral(raw: Any) -> tuple[float, ...] | None:
+def _neutral(facts: Facts) -> tuple[float, ...] | None:
     """Return the neutral of the camera's white balance; None if the file states none."""
-    balance = np.array(raw.camera_whitebalance[:3], np.float64)
+    balance = np.array(facts["balance"], np.float64)
     # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself), or a photographer's "UniWB".
     stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
     return normalised(1 / balance) if stated else None
@@ -261,18 +292,18 @@ def raw_directories(path: Path) -> StoredDirectories:
         return read_directories(file, WANTED, places[0]) if places else found
 
 
-def _metadata(raw: Any, directories: StoredDirectories) -> CaptureMetadata:
+def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
     """Return the capture data: those in the file, or else what LibRaw has read and this rawpy passes on."""
-    lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
     found = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    if not directories.main and other is not None:
-        taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
-        values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
-        found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
-    if lens is not None:
-        found = _with(found, {"lens": found.lens or printable(str(lens.model or ""))})
-    return replace(found, orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))
+    if not directories.main and "taken" in facts:
+        taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
+        values = {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
+        values |= {"artist": printable(facts["artist"]), "iso": round(facts["iso"])}
+        found = _with(found, {**values, "taken": taken if taken and taken.year > 1970 else None})
+    if "lens" in facts:
+        found = _with(found, {"lens": found.lens or printable(facts["lens"])})
+    return replace(found, orientation=_ORIENTATIONS.get(facts["flip"], 1))
 
 
 def _with(metadata: CaptureMetadata, values: Mapping[str, Any]) -> CaptureMetadata:

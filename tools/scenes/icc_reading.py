@@ -5,51 +5,19 @@ Supports the profiles that pictures use in practice: RGB with curves and a matri
 """
 
 import struct
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb
+from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 
-Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
+from .encoding import Curve, Encoding, power_curve, table_curve
 
 _HEADER, _SIGNATURE = 128, slice(36, 40)
 _NAME = "its ICC profile"
 _PARAMETERS = (1, 3, 4, 5, 7)  # number for each type of parametric curve
 _LARGEST, _MOST_KNOTS = 4 << 20, 1 << 16  # bytes of a profile, values of a curve
-_LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
-
-
-@dataclass(frozen=True)
-class Encoding:
-    """How a picture's values encode light.
-
-    curves: one per channel, from encoded values to linear light, both 0..1.
-    to_xyz: (3, 3), linear RGB to XYZ (D50 white).
-    name: for the user.
-    """
-
-    curves: tuple[Curve, ...]
-    to_xyz: Matrix
-    name: str
-
-    @property
-    def linear(self) -> bool:
-        """Whether the values are linear light already."""
-        ramp = np.linspace(0, 1, 256)
-        return all(float(np.abs(curve(ramp) - ramp).max()) < _LINEAR for curve in self.curves)
-
-
-def power_curve(gamma: float) -> Curve:
-    """Return the curve that raises encoded values to the power of `gamma`."""
-    return lambda encoded: encoded**gamma
-
-
-SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
-LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
 
 
 def read_profile(profile: bytes) -> Encoding | None:
@@ -94,8 +62,7 @@ def _curve(data: memoryview) -> Curve:
             values = np.frombuffer(data, ">u2", count, 12)
             if count == 1:
                 return power_curve(_plausible(values[0] / 256))
-            knots, table = np.linspace(0, 1, count), values / 65535
-            return lambda encoded: np.interp(encoded, knots, table)
+            return table_curve(values / 65535)
         case b"para":
             (kind,) = struct.unpack_from(">H", data, 8)
             return _parametric(*(np.array(struct.unpack_from(f">{_PARAMETERS[kind]}i", data, 12)) / 65536).tolist())

@@ -19,13 +19,13 @@ from shared.white_balance import clipped_share, normalised
 
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
+from .decoders.tiff import tag_numbers
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
 _LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, Tag.BLACK_LEVEL_REPEAT_DIM, Tag.BLACK_LEVEL)
 _READ = {*TIFF.TAG_LOAD, *_LEVELS, Tag.WHITE_LEVEL, Tag.AS_SHOT_NEUTRAL}  # nothing else is, such as an original RAW inside
 _DEFLATE = (8, 32946)
-_RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
@@ -54,7 +54,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             integers = page.compression in tuple(Compression) and page.dtype is not None and page.dtype.kind == "u"
             samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES) if integers else page.asarray(maxworkers=1)
             rgb = _levelled(samples, page)
-            stated = _numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
+            stated = tag_numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
     as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
     gone, directories = clipped_share(rgb, 1.0, SHOULDER) if integers else None, raw_directories(path)
     return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
@@ -114,11 +114,11 @@ def _check_inflated(page: TiffPage, stream: Any) -> None:
 def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     """Return the active area of the samples in scene units, float32 (H, W, 3)."""
     floating = samples.dtype.kind == "f"
-    table = _numbers(page, _LINEARIZATION_TABLE)
+    table = tag_numbers(page, _LINEARIZATION_TABLE)
     if table.size and not floating:
         samples = table.astype(np.float32)[np.minimum(samples, table.size - 1)]
     rgb: FloatArray = samples.astype(np.float32)
-    if (area := _numbers(page, _ACTIVE_AREA)).size == 4:
+    if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
             raise InputError(
@@ -127,7 +127,7 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
-    stated = _numbers(page, Tag.WHITE_LEVEL)
+    stated = tag_numbers(page, Tag.WHITE_LEVEL)
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
@@ -138,26 +138,14 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    rows, columns = (_numbers(page, Tag.BLACK_LEVEL_REPEAT_DIM).astype(int).tolist() or [1, 1])[:2]
-    stated = _numbers(page, Tag.BLACK_LEVEL)
+    rows, columns = (tag_numbers(page, Tag.BLACK_LEVEL_REPEAT_DIM).astype(int).tolist() or [1, 1])[:2]
+    stated = tag_numbers(page, Tag.BLACK_LEVEL)
     if stated.size not in (0, 1, rows * columns * 3):
         raise InputError(f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; copy it again")
     black: DoubleArray = np.zeros((1, 1, 3)) + (stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum())
     if rows * columns > 1 and stated.size > 1:
         black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
     for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
-        if (delta := _numbers(page, tag)).size == shape[axis]:
+        if (delta := tag_numbers(page, tag)).size == shape[axis]:
             black = black + np.expand_dims(delta, (1 - axis, 2))
     return black
-
-
-def _numbers(page: Any, tag: int) -> DoubleArray:
-    """Return the numbers of a field, fractions as quotients; empty if there is none."""
-    field = page.tags.get(tag)
-    if field is None:
-        return np.zeros(0)
-    values = np.ravel(np.asarray(field.value, np.float64))
-    if field.dtype not in _RATIONALS:
-        return values
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(values[::2] / values[1::2])

@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from .decoders import FORMATS, TIFF, PictureFormat, guarded
+from .dng_opcodes import remark_on_opcodes
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 from .drawn.spectral import spectral_scene
@@ -40,8 +41,11 @@ _RAWS = (
     "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 kc2 kdc mdc mef mos mrw nef nrw "
     "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
 )
-ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *(f".{name}" for name in _RAWS.split()))
-"""Endings of the names of files that may be scenes: what is looked for in folders."""
+_RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
+ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
+"""Endings of the names of files that may be scenes: what is looked for in folders, but for what `set_aside` says."""
+TRUTH, TRUTH_PICTURE = ".truth.tif", ".truth.png"
+"""Ends of the names of the truth of a simulated shot, and of its picture to look at, behind the stem of the shot."""
 
 
 def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Scene:
@@ -79,8 +83,10 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
         gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
+        notes = remark_on_opcodes(path) if is_dng else ()
         linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
-    return linear_scene or camera_raw_scene(path, max_pixels)
+    scene = linear_scene or camera_raw_scene(path, max_pixels)
+    return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 
 def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -127,6 +133,33 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         raise InputError(NO_RAW.format("by its name and its first bytes"))
     return None, is_dng
+
+
+def set_aside(paths: Sequence[str]) -> dict[str, str]:
+    """Return which files in one folder are no scenes of their own, and why: pictures beside a camera RAW of their name, results.
+
+    paths: files with `ENDINGS`.
+    """
+    aside = {path: "(the truth of a shot)" for path in paths if path.lower().endswith((TRUTH, TRUTH_PICTURE))}
+    alike: dict[str, list[str]] = {}
+    for path in paths:
+        alike.setdefault(Path(path).stem.lower(), []).append(path)
+    for names in alike.values():
+        if len(names) > 1:
+            raws = [path for path in names if path.lower().endswith(_RAW_ENDINGS)]
+            shots = [path for path in raws if _is_shot(path)]
+            aside |= dict.fromkeys(shots, "(a shot of Panchroma, no scene)")
+            if len(raws) > len(shots):
+                aside |= {path: "beside a camera RAW of the same name" for path in names if path not in raws}
+    return aside
+
+
+def _is_shot(path: str) -> bool:
+    try:
+        file_kind(Path(path))
+    except InputError as error:
+        return isinstance(error, ForeignFileError)
+    return False
 
 
 def is_drawn(source: str) -> bool:

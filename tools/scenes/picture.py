@@ -1,6 +1,7 @@
 """Decoded pictures as scenes: which values are linear light already, and which must be converted."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,14 +12,15 @@ from shared.white_balance import shades_of_grey
 
 from .clipped import with_white_highlights
 from .decoders import Decoded
-from .icc_reading import LINEAR, SRGB, Encoding
+from .encoding import LINEAR, SRGB, Encoding
 from .scene import RGB, Scene
 
 # Gehler's colour-checker photographs as L. Shi and B. Funt publish them, the source of the paper's scenes: 16-bit PNGs that hold
 # 12-bit samples as the camera wrote them, one pixel for each 2 x 2 quad of the Bayer sensor. Name of files, black level, camera.
 _GEHLERS = ((r"IMG_\d{4}", 129, "Canon 5D"), (r"8D5U\d{4}", 0, "Canon 1D"))
 _GEHLERS_WHITE = 4095  # 12 bits
-_ASSUMED_LINEAR = "nothing says how the values are encoded: taken as linear light with sRGB primaries, white balanced"
+_ASSUMED_LINEAR = "nothing says how the values are encoded: taken as linear light with {} primaries, white balanced"
+_USUAL_BITS = (8, 10, 12, 14, 16)  # of samples that are stored in wider words
 
 
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
@@ -27,10 +29,11 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     Samples of other channels are linear light. For red, green and blue the first of these rules that applies decides:
       1. linear=True: linear light, whatever the file says.
       2. Floating point (scene units): linear light. A profile only gives the primaries.
-      3. The file declares an encoding (ICC profile, PNG's sRGB and gAMA): its curve is undone.
+      3. The file declares an encoding (ICC profile; PNG's cICP, sRGB and gAMA; TIFF's TransferFunction; Exif): its curve is undone.
       4. 8 bits: sRGB (IEC 61966-2-1).
       5. More bits: linear light, as cameras and raw developers write it for measurements; a note says so.
-    Integers are divided by their peak. Raises InputError for integers wider than 32 bits, and for whatever `Scene` refuses.
+    Integers are divided by their peak; a note says so if they may have fewer bits than the words that hold them.
+    Raises InputError for integers wider than 32 bits, and for whatever `Scene` refuses.
     """
     encoding, notes = _encoding(picture, linear)
     pixels = picture.pixels
@@ -40,6 +43,7 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
         notes += _remark_on_range(rgb)
     elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
         rgb = _linearised(picture, picture.peak, encoding)
+        notes += _remark_on_bits(int(pixels.max(initial=0)), picture.peak)
     else:
         raise InputError(f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or floating point")
     channels = picture.channels
@@ -88,11 +92,11 @@ def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]
             why = "floating point is" if floating and not linear else "as requested, the values are"
             return primaries, (f"{why} taken as linear light, although the file says {said.name}",)
         return primaries, ()
-    if said:
-        return said, ()
-    if (picture.peak or 0) <= 255:
-        return SRGB, ()
-    return LINEAR, (_ASSUMED_LINEAR,)
+    if said and said.curves:
+        return said, (said.note,) if said.note else ()
+    eight_bits, whose = (picture.peak or 0) <= 255, "the file's" if said else "sRGB"
+    assumed = SRGB if eight_bits else LINEAR
+    return replace(assumed, to_xyz=said.to_xyz) if said else assumed, () if eight_bits else (_ASSUMED_LINEAR.format(whose),)
 
 
 def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
@@ -108,6 +112,22 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         else:
             light[..., channel] = curve(plane / peak)
     return light
+
+
+def _remark_on_bits(highest: int, peak: int) -> tuple[str, ...]:
+    """Return a note if samples of a usual number of bits lie at the lower end of wider words.
+
+    highest: of the samples.
+    peak: the integer that stands for 1.0.
+    """
+    bits = next((bits for bits in _USUAL_BITS if highest < 1 << bits), 64)
+    if not highest or (peak + 1) >> bits < 4:
+        return ()
+    times = (peak + 1) >> bits
+    return (
+        f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene is {times} times too dark; "
+        f"multiply them by {times}, and save the picture again",
+    )
 
 
 def _remark_on_range(rgb: FloatArray) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from PIL import Image
 
 import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
+from shared.display import ColourTransform
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
 from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
@@ -21,7 +22,7 @@ from tools.commands.simulate import noise_of
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"
-SHOT, TRUTH = "builtin-24x18.dng", "builtin-24x18.truth.tif"
+SHOT, TRUTH, SHOWN = (f"builtin-24x18.{ending}" for ending in ("dng", "truth.tif", "truth.png"))
 
 
 def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
@@ -46,7 +47,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
     shot, truth = simulate(out, "--sigma", "0.02", "--seed", "7", "--truth"), tifffile.imread(out / TRUTH)
     assert np.array_equal(shot.codes, expected.codes)
     assert (shot.pattern, shot.calibration) == (expected.pattern, expected.calibration)
-    assert names(out) == {SHOT, TRUTH}
+    assert names(out) == {SHOT, TRUTH, SHOWN}
     assert truth.dtype == np.float32
     assert np.array_equal(truth, scene)
 
@@ -145,17 +146,38 @@ def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "ramp.npy", np.linspace(0, 1, 12 * 13 * 3, dtype=np.float32).reshape(12, 13, 3))
     outcome = run("simulate", SOURCE, tmp_path / "ramp.npy", "-o", out, "--json", "--truth", code=0)
     assert [record["ok"] for record in outcome.records] == [True, True]
-    outputs = [str(out / name) for name in ("ramp.dng", "ramp.truth.tif")]
+    outputs = [str(out / name) for name in ("ramp.dng", "ramp.truth.tif", "ramp.truth.png")]
     facts = {"source": str(tmp_path / "ramp.npy"), "ok": True, "outputs": outputs, "width": 13, "height": 12}
     assert outcome.records[1] == facts
-    assert names(out) == {SHOT, TRUTH, "ramp.dng", "ramp.truth.tif"}
+    assert names(out) == {SHOT, TRUTH, SHOWN, "ramp.dng", "ramp.truth.tif", "ramp.truth.png"}
+
+
+@pytest.mark.parametrize("light", [1, 0.25])
+def test_the_truth_is_also_a_picture_to_look_at(out: Path, light: float) -> None:
+    options = ("--protocol", "sensor", "--light", str(light), "--truth")
+    calibration = simulate(out, *options).calibration
+    expected = ColourTransform.to_space(calibration).apply(tifffile.imread(out / TRUTH))
+    np.testing.assert_allclose(np.asarray(Image.open(out / SHOWN)), 255 * expected, atol=1)
+    before = (out / SHOWN).read_bytes()
+    (out / SHOT).unlink()
+    (out / TRUTH).unlink()
+    assert "truth.png: exists already" in run("simulate", SOURCE, "-o", out, "--truth", code=1).err
+    assert (out / SHOWN).read_bytes() == before
+    assert names(out) == {SHOWN}
+
+
+def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said(out: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "two.npy", np.full((24, 24, 2), 0.5, np.float32))
+    outcome = run("simulate", tmp_path / "two.npy", "-o", out, "--pattern", "AB/WW", "--truth", "--json", code=0)
+    assert "no .truth.png: the colours of the channels AB are unknown" in outcome.err
+    assert {Path(name).name for name in outcome.records[0]["outputs"]} == names(out) == {"two.dng", "two.truth.tif"}
 
 
 # --- bursts ---------------------------------------------------------------------------------------------------------------------
 
 SERIES, HAND = "builtin:150x120", ["--burst", "3", "--motion", "2", "--rotation", "0.5", "--moving"]
 FRAMES = [f"builtin-150x120-{number}.dng" for number in (1, 2, 3)]
-BESIDE = {"builtin-150x120.truth.tif", "builtin-150x120.motion.json"}
+BESIDE = {f"builtin-150x120.{ending}" for ending in ("truth.tif", "truth.png", "motion.json")}
 
 
 def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
@@ -175,7 +197,7 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert told["reference"] == FRAMES[0]
     assert np.array_equal(tifffile.imread(out / "builtin-150x120.truth.tif"), frames[0].rgb)
     (record,) = outcome.records
-    assert len(record["outputs"]) == 5
+    assert len(record["outputs"]) == 6
     assert record["reference"] == str(out / FRAMES[0])
     assert f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; " in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
@@ -218,4 +240,4 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
     assert_refused(outcome, words, name=str(tmp_path / "bad.npy"))
     assert [record["ok"] for record in outcome.records] == [False, True]
     assert outcome.records[0]["error"] == outcome.errors[0].removeprefix("panchroma: ")
-    assert names(out) == {SHOT, TRUTH}
+    assert names(out) == {SHOT, TRUTH, SHOWN}

@@ -3,9 +3,13 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.tools.command import contents, run
+from tests.tools.scenes.files import write_dng
+from tools.evaluation.scene_sets import expand
 from tools.host.folders import DNGS, Source, search
 
 
@@ -87,8 +91,37 @@ def test_simulate_takes_a_folder_of_scenes_and_leaves_shots_out(shots: Path, out
     outcome = run("simulate", shots, "-o", out, "--truth", code=0)
     assert f"{shots}: left out notes.txt" in outcome.err
     assert f"{shots}/builtin-36x24.dng: this is a shot" in outcome.err
-    assert set(contents(out)) == {f"{place}/builtin-36x24.{ending}" for place in "ab" for ending in ("dng", "truth.tif")}
+    assert set(contents(out)) == {
+        f"{place}/builtin-36x24.{ending}" for place in "ab" for ending in ("dng", "truth.tif", "truth.png")
+    }
     run("simulate", shots / "builtin-36x24.dng", "-o", out, code=1)
+
+
+def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(tmp_path: Path, out: Path) -> None:
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    for number in range(5):
+        write_dng(folder / f"DSC_{number}.NEF", np.full((108, 108), 300 + number, np.uint16))
+        Image.new("RGB", (54, 54), (number, 9, 9)).save(folder / f"DSC_{number}.JPG")
+    Image.new("RGB", (54, 54)).save(folder / "DSC_0_edited.tif")
+    note = f"{folder}: left out DSC_0.JPG, DSC_1.JPG, DSC_2.JPG and 2 more files beside a camera RAW of the same name"
+    stems = {"DSC_0_edited", *(f"DSC_{number}" for number in range(5))}
+    outcome = run("simulate", folder, "-o", out, "--truth", code=0)
+    assert outcome.err.count("JPG") == 3
+    assert note in outcome.err
+    assert set(contents(out)) == {f"{stem}.{ending}" for stem in stems for ending in ("dng", "truth.tif", "truth.png")}
+    assert {Path(name).name for name in expand([str(folder)], out)[0]} == {
+        "DSC_0_edited.tif",
+        *(f"DSC_{number}.NEF" for number in range(5)),
+    }
+    assert expand([str(folder)], out)[1] == [note]
+    assert expand([str(folder), str(folder / "DSC_1.JPG")], out)[0][-1] == str(folder / "DSC_1.JPG")
+    run("simulate", folder / "DSC_1.JPG", "-o", out / "named", code=0)
+    # What simulate has written is no scene, also where it lies beside its scenes.
+    run("simulate", folder, "-o", folder, "--truth", code=0)
+    assert {Path(name).suffix for name in expand([str(folder)], out)[0]} == {".NEF", ".tif"}
+    inspected = run("inspect", folder, "--json", code=0).records
+    assert [Path(record["source"]).name for record in inspected] == sorted(f"{stem}.dng" for stem in stems)
 
 
 def test_calibrate_sorts_frames_by_their_names_and_those_of_subfolders(shots: Path, out: Path) -> None:

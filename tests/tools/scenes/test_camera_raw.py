@@ -157,7 +157,7 @@ def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason:
         raw_type=rawpy.RawType.Flat, raw_image=1, num_colors=4, color_desc=letters.encode(), raw_pattern=np.array(pattern, np.uint8)
     )
     with pytest.raises(InputError, match=reason):
-        bayer_pattern(raw, rawpy)
+        bayer_pattern(raw)
 
 
 @pytest.mark.parametrize("illuminant", [D65_XY, (0.4476, 0.4074)])
@@ -185,12 +185,11 @@ def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
 READING = """
 import sys
 from importlib import import_module
-from pathlib import Path
 from tools.scenes import camera_raw
 for module in camera_raw.NEEDED:
     import_module(module)
 before = set(sys.modules)
-camera_raw._read(Path(sys.argv[1]), 1 << 20)
+camera_raw.unpack_quads(sys.argv[1], 1 << 20)
 print(*sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
 """
 

@@ -1,9 +1,16 @@
 """The door: what may come in, what is refused and how that is said."""
 
+import json
 import os
+import pickle
+import sys
+import warnings
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +24,8 @@ from shared.reading import MAX_PIXELS
 from tests.data import DATA
 from tests.python import run_python
 from tests.tools.scenes.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
-from tools.scenes.limited import run_limited
-from tools.scenes.load import load_scene
+from tools.scenes.limited import Facts, _received, run_limited
+from tools.scenes.load import load_scene, set_aside
 from tools.scenes.scene import Scene, check_size
 
 PHOTOGRAPHS = sorted(path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*"))
@@ -239,7 +246,7 @@ def test_what_is_no_scene_is_refused_with_the_reason(tmp_path: Path, name: str, 
 # --- a call in a process with limits ---------------------------------------------------------------------------------------------
 
 
-def _answer(path: Path, what: str) -> str:
+def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
     match what:
         case "refuse":
             raise InputError("is odd")
@@ -247,22 +254,108 @@ def _answer(path: Path, what: str) -> str:
             while True:
                 pass
         case "swell":
-            return str(len(bytearray(1 << 30)))
+            return np.ones((1 << 15, 1 << 15), np.uint8), {}
         case "crash":
             os.abort()
+        case "forge":  # as code in a file that takes a library over might
+            for number in range(3, 12):
+                with suppress(OSError):
+                    os.write(number, pickle.dumps(Path("harmless")) + b"\n")
     print("a library prints")
-    return f"{path.name} {what}"
+    return np.arange(6, dtype=np.uint16).reshape(2, 3), {"what": what, "name": Path(path).name}
 
 
 def test_the_result_comes_back(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"1")
-    assert run_limited(tmp_path / "a", ("time",), _answer, tmp_path / "a", "read") == "a read"
+    samples, facts = run_limited(tmp_path / "a", ("time",), _answer, str(tmp_path / "a"), "read")
+    assert samples.dtype == np.uint16
+    assert samples.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert facts == {"what": "read", "name": "a"}
 
 
 @pytest.mark.parametrize(
-    ("what", "said"), [("refuse", "is odd"), ("spin", "0.25 s"), ("swell", "192 MB"), ("crash", "ends the process")]
+    ("what", "said"),
+    [("refuse", "is odd"), ("spin", "0.25 s"), ("swell", "192 MB"), ("crash", "ends the process"), ("forge", "ends the process")],
 )
 def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, said: str) -> None:
     (tmp_path / "a").write_bytes(b"1")
     with pytest.raises(InputError, match=said):
-        run_limited(tmp_path / "a", (), _answer, tmp_path / "a", what)
+        run_limited(tmp_path / "a", (), _answer, str(tmp_path / "a"), what)
+
+
+SIX = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"",
+        pickle.dumps((True, np.zeros(3))),
+        b"[" * 100_000,
+        b"[]",
+        b"null",
+        json.dumps({**SIX, "dtype": "object"}).encode(),
+        json.dumps({**SIX, "dtype": "float64"}).encode(),
+        json.dumps({**SIX, "shape": [6]}).encode(),
+        json.dumps({**SIX, "shape": [-2, -3]}).encode(),
+        json.dumps({**SIX, "shape": [2.0, 3]}).encode(),
+        json.dumps({**SIX, "shape": [2, 4]}).encode(),
+        json.dumps({**SIX, "shape": [1 << 20, 1 << 20]}).encode(),
+        json.dumps({**SIX, "facts": 7}).encode(),
+        json.dumps({**SIX, "facts": {"long": "x" * (1 << 20)}}).encode(),
+    ],
+)
+def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
+    refused, samples, facts = _received(BytesIO(json.dumps(SIX).encode() + b"\n" + bytes(range(6))), 6)
+    assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
+    with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
+        _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
+
+
+# --- threads ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) -> None:
+    """Standard error was lost for ever, and Pillow's limit of pixels with it."""
+    picture = noise(24, 32, 3, dtype=np.uint8)
+    for suffix in (".png", ".tif", ".jpg", ".npy"):
+        save(tmp_path / f"a{suffix}", picture)
+    save(tmp_path / "a.exr", picture.astype(np.float32))
+    write_dng(tmp_path / "a.dng", noise(60, 80))
+    (tmp_path / "cut.jpg").write_bytes((tmp_path / "a.jpg").read_bytes()[:400])
+    sources = sorted(map(str, tmp_path.iterdir())) * 6
+
+    def state() -> tuple[Any, ...]:
+        return os.fstat(2), Image.MAX_IMAGE_PIXELS, list(warnings.filters), dict(os.environ), sys.stderr
+
+    def read(source: str) -> None:
+        with suppress(InputError):
+            load_scene(source)
+
+    before = state()
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(read, sources))
+    assert state() == before
+
+
+# --- folders ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_of_pictures_beside_a_camera_raw_the_raw_is_the_scene(tmp_path: Path) -> None:
+    picture = noise(24, 32, 3, dtype=np.uint8)
+    for name in ("DSC_1.JPG", "dsc_1.png", "DSC_1_edited.tif", "alone.jpg", "shot.png"):
+        save(tmp_path / name.lower(), picture).rename(tmp_path / name)
+    write_dng(tmp_path / "DSC_1.NEF", noise(60, 80))
+    (tmp_path / "a.truth.png").touch()
+    write_dng(tmp_path / "shot.dng", noise(60, 80), fields={50740: (7, b"Panchroma\0{}")})
+    (tmp_path / "damaged.cr2").touch()
+    (tmp_path / "damaged.jpg").touch()
+    aside = set_aside(sorted(map(str, tmp_path.iterdir())))
+    beside = "beside a camera RAW of the same name"
+    assert {Path(path).name: why for path, why in aside.items()} == {
+        "DSC_1.JPG": beside,
+        "dsc_1.png": beside,
+        "damaged.jpg": beside,
+        "a.truth.png": "(the truth of a shot)",
+        "shot.dng": "(a shot of Panchroma, no scene)",
+    }

@@ -203,4 +203,4 @@ def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monk
 
     monkeypatch.setattr(OpenEXR, "File", header_alone)
     with pytest.raises(InputError, match="8 x 6"):
-        exr._read_exr(path, 47, "RGB")
+        exr.unpack_exr(str(path), 47, "RGB")

@@ -1,25 +1,28 @@
 """What a decoder makes of a picture file, and what all decoders share: how they fail, which channels samples are, transparency."""
 
-import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata
 from shared.errors import InputError
+from shared.tiff_reading import read_directories
 
-from ..icc_reading import Encoding, read_profile
+from ..encoding import ADOBE_RGB, SRGB, Encoding
+from ..icc_reading import read_profile
 from ..scene import RGB, scene_channels
 
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency
 MOST_PAGES = 26
 """Pages of a file that are taken together: one more than a pattern has channels."""
+_COLOR_SPACE, _INTEROPERABILITY_INDEX = 40961, 1  # Exif tags
+_UNCALIBRATED = "Exif says that the colours are not those of sRGB, and not which they are; sRGB's are assumed"
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
 
 
@@ -59,11 +62,10 @@ class PictureFormat(NamedTuple):
 
 
 @contextmanager
-def guarded(path: Path) -> Iterator[None]:
+def guarded(path: Path | str) -> Iterator[None]:
     """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries raise nearly everything."""
     try:
-        with quiet_libraries():
-            yield
+        yield
     except InputError:
         raise
     except MemoryError:
@@ -74,23 +76,6 @@ def guarded(path: Path) -> Iterator[None]:
         reason = lines[0] if lines else type(error).__name__
         reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()  # whoever shows the error names the file
         raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
-
-
-@contextmanager
-def quiet_libraries() -> Iterator[None]:
-    """Silence standard error for C code: LibRaw and OpenEXR print there what we report as one line."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # standard error is closed
-        yield
-        return
-    try:
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
 
 
 def channels_of(
@@ -129,3 +114,26 @@ def profile_encoding(profile: bytes | None) -> tuple[Encoding | None, tuple[str,
     """The encoding that an embedded ICC profile declares, and notes; None without one, and for one that is not read."""
     encoding = read_profile(bytes(profile)) if profile else None
     return encoding, (_UNREADABLE_PROFILE,) if profile and not encoding else ()
+
+
+def exif_encoding(exif: IO[bytes]) -> tuple[Encoding | None, tuple[str, ...]]:
+    """The encoding that a block of Exif declares, and notes; None without one.
+
+    ColorSpace is 1 for sRGB and 65535 for any other space (CIPA DC-008, 4.6.6). Of those, cameras have Adobe RGB, and mark it by
+    the interoperability index R03 (DCF 2.0, CIPA DC-009); some write 2 for it.
+    """
+    stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
+    space, index = stored.exif.get(_COLOR_SPACE), stored.interoperability.get(_INTEROPERABILITY_INDEX)
+    number = space.numbers[:1] if space else ()
+    option = bytes(index.values[:3]) if index and isinstance(index.values, bytes) else b""
+    if number == (1,):
+        return SRGB, ()
+    if number == (2,) or option == b"R03":
+        return ADOBE_RGB, ()
+    return None, (_UNCALIBRATED,) if number and option != b"R98" else ()
+
+
+def remark_on_unused(names: Iterable[str]) -> tuple[str, ...]:
+    """One note for the user on what a file has besides, and is not used; none for no names."""
+    listed = ", ".join(names)
+    return (f"not used: {listed}",) if listed else ()

@@ -7,15 +7,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.arrays import DoubleArray
+from shared.colorimetry import D65_XY
 from shared.dng import read_metadata
 from shared.errors import InputError
 from shared.reading import data_bytes
 from shared.tiff_check import PLAIN, check_directories, check_pieces
 
+from ..encoding import SRGB, Curve, Encoding, space_of, table_curve
 from ..scene import RGB, check_size
-from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, profile_encoding, without_alpha
+from .decoded import (
+    MOST_PAGES,
+    Decoded,
+    PictureFormat,
+    channels_of,
+    exif_encoding,
+    profile_encoding,
+    remark_on_unused,
+    without_alpha,
+)
 
-_ICC_PROFILE = 34675  # TIFF tag
+# Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
+_ICC_PROFILE, _TRANSFER, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND = 34675, 301, 318, 319, 281, 341
+_GREY_CURVE, _REFERENCES = 291, 532
+_READ = {_ICC_PROFILE, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND, _GREY_CURVE, _REFERENCES}
+_RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
 _COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
@@ -31,7 +47,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
 
     size, held = path.stat().st_size, data_bytes(path)
     with path.open("rb") as stream:
-        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
+        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ})
     with tifffile.TiffFile(path, **PLAIN) as file:
         first: Any = file.pages[0]
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
@@ -59,12 +75,72 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             notes += remarks
         if several and len(pages) == 1:
             notes += ("the file has several pages; only the first is used",)
-        peak = (1 << first.bitspersample) - 1 if pixels.dtype.kind == "u" else None
+        peak, remarks = _peak(first, pixels)
+        notes += remarks
         profile = first.tags.get(_ICC_PROFILE)
         encoding, remarks = profile_encoding(profile and profile.value)
+        notes += remarks
+        if encoding is None:
+            encoding, remarks = _declared(first)
+            notes += remarks
     with path.open("rb") as stream:
         metadata = read_metadata(stream)
-    return Decoded(pixels, peak, encoding, metadata, notes + remarks, found or RGB)
+        if encoding is None and peak:
+            encoding, remarks = exif_encoding(stream)
+            notes += remarks
+    return Decoded(pixels, peak, encoding, metadata, notes, found or RGB)
+
+
+def _peak(page: Any, pixels: NDArray[Any]) -> tuple[int | None, tuple[str, ...]]:
+    """The integer that stands for 1.0, None for floating point; and notes.
+
+    A largest sample of 2^n - 1 says that the samples have n bits. Any other is a figure of the picture (TIFF 6.0, MaxSampleValue).
+    """
+    if pixels.dtype.kind != "u":
+        return None, ()
+    peak = (1 << page.bitspersample) - 1
+    if _TRANSFER in page.tags:  # a table for all samples
+        return peak, ()
+    stated = max((*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()), default=peak)
+    largest = int(stated) if 255 <= stated < peak else peak
+    if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
+        return peak, ()
+    return largest, (f"the file says that its largest sample is {largest}, which is taken for white",)
+
+
+def _declared(page: Any) -> tuple[Encoding | None, tuple[str, ...]]:
+    """The encoding in the fields of the TIFF itself, and notes: TransferFunction, PrimaryChromaticities and WhitePoint."""
+    unused = ["GrayResponseCurve"] if _GREY_CURVE in page.tags else []
+    references, top = tag_numbers(page, _REFERENCES), (1 << page.bitspersample) - 1
+    if references.size and references.tolist() != [0, top] * 3:
+        unused.append("ReferenceBlackWhite")
+    corners = (*tag_numbers(page, _PRIMARIES), *(tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY))
+    to_xyz = space_of(corners)
+    if to_xyz is None:
+        names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
+        unused += [name for tag, name in names.items() if tag in page.tags]
+    curves: tuple[Curve, ...] = ()
+    if field := page.tags.get(_TRANSFER):
+        values = 1 << page.bitspersample
+        if page.bitspersample <= 16 and field.count in (values, 3 * values):
+            tables = np.asarray(field.value, np.float64).reshape(-1, values) / 65535
+            curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
+        else:
+            unused.append("TransferFunction")
+    encoding = Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF") if curves or to_xyz else None
+    return encoding, remark_on_unused(unused)
+
+
+def tag_numbers(page: Any, tag: int) -> DoubleArray:
+    """Return the numbers of a field of a page of tifffile, fractions as quotients; empty if there is none."""
+    field = page.tags.get(tag)
+    if field is None:
+        return np.zeros(0)
+    values = np.ravel(np.asarray(field.value, np.float64))
+    if field.dtype not in _RATIONALS:
+        return values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(values[::2] / values[1::2])
 
 
 def _stack(file: Any) -> list[Any]:

@@ -1,0 +1,138 @@
+"""How the values of a picture encode light, as its file declares: curves and primaries."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import D65_XY, P3_PRIMARIES, SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb, primaries_to_xyz
+
+Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
+
+_LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
+# BT.2408: luminance of white in PQ, cd/m2, and signal of white in HLG.
+_PQ_WHITE, _HLG_WHITE = 203.0, 0.75
+_P3_WHITE = (0.314, 0.351)
+_BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
+_BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
+_BT601_525 = ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070))
+_ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998), 4.3.1.1
+# H.273, table 2.
+_CODED_PRIMARIES = {
+    1: (SRGB_PRIMARIES, D65_XY),
+    5: (_BT601_625, D65_XY),
+    6: (_BT601_525, D65_XY),
+    7: (_BT601_525, D65_XY),
+    9: (_BT2020, D65_XY),
+    11: (P3_PRIMARIES, _P3_WHITE),
+    12: (P3_PRIMARIES, D65_XY),
+}
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a picture's values encode light.
+
+    curves: one per channel, from encoded values to linear light, both 0..1 (more than 1 where white is no peak); () = not declared.
+    to_xyz: (3, 3), linear RGB to XYZ (D50 white).
+    name: for the user.
+    note: a remark for the user; "" = none.
+    """
+
+    curves: tuple[Curve, ...]
+    to_xyz: Matrix
+    name: str
+    note: str = ""
+
+    @property
+    def linear(self) -> bool:
+        """Whether the values are linear light already, for all that is declared."""
+        ramp = np.linspace(0, 1, 256)
+        return all(float(np.abs(curve(ramp) - ramp).max()) < _LINEAR for curve in self.curves)
+
+
+def power_curve(gamma: float) -> Curve:
+    """Return the curve that raises encoded values to the power of `gamma`."""
+    return lambda encoded: encoded**gamma
+
+
+def table_curve(table: DoubleArray) -> Curve:
+    """Return the curve through equally spaced values, linear light from 0 to 1."""
+    knots = np.linspace(0, 1, len(table))
+    return lambda encoded: np.interp(encoded, knots, table)
+
+
+SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
+LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
+ADOBE_RGB = Encoding((power_curve(563 / 256),) * 3, as_rows(primaries_to_xyz(_ADOBE_RGB)), "Adobe RGB")  # (1998), 4.3.4.2
+
+
+def space_of(corners: Sequence[float]) -> Matrix | None:
+    """Return the matrix to XYZ (D50) of a space: x and y of red, green, blue and white; None if there can be no such space."""
+    with np.errstate(all="ignore"):
+        try:
+            *primaries, white = ((x, y) for x, y in np.reshape(corners, (4, 2)).tolist())
+            matrix = primaries_to_xyz(primaries, white)
+        except (ArithmeticError, ValueError):  # NumPy's error of a singular matrix is a ValueError
+            return None
+    return as_rows(matrix) if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e4 else None
+
+
+def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Encoding | None:
+    """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is not read.
+
+    narrow: 0 for the full range; in the narrow range what one of 256 steps is of the largest value: black is 16, white 235 of them.
+    """
+    curve, corners = _coded_curve(transfer), _CODED_PRIMARIES.get(primaries)
+    if curve is None or corners is None:
+        return None
+    note = ""
+    if transfer == 16:
+        note = f"PQ: {_PQ_WHITE:g} cd/m2 are taken for white (1.0)"
+    elif transfer == 18:
+        note = f"HLG: {100 * _HLG_WHITE:g} % of the signal are taken for white (1.0)"
+    if narrow:
+        full = curve
+        curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
+    matrix = as_rows(primaries_to_xyz(*corners))
+    return Encoding((curve,) * 3, matrix, f"primaries {primaries} and transfer {transfer} of H.273", note)
+
+
+def _coded_curve(transfer: int) -> Curve | None:
+    match transfer:
+        case 1 | 6 | 14 | 15:
+            return _bt709
+        case 4:
+            return power_curve(2.2)
+        case 5:
+            return power_curve(2.8)
+        case 8:
+            return power_curve(1.0)
+        case 13:
+            return decode_srgb
+        case 16:
+            return _pq
+        case 18:
+            return lambda encoded: _hlg(encoded) / float(_hlg(np.array(_HLG_WHITE)))
+    return None
+
+
+def _bt709(encoded: DoubleArray) -> DoubleArray:
+    """BT.709, item 1.2, inverted."""
+    return np.where(encoded < 4.5 * 0.018, encoded / 4.5, ((encoded + 0.099) / 1.099) ** (1 / 0.45))
+
+
+def _pq(encoded: DoubleArray) -> DoubleArray:
+    """BT.2100, table 4: reference PQ EOTF; 1 = white."""
+    power = encoded ** (32 / 2523)
+    c2, c3 = 2413 / 128, 2392 / 128
+    light = np.maximum(power - (c3 - c2 + 1), 0) / (c2 - c3 * power)
+    return 10000 / _PQ_WHITE * light ** (16384 / 2610)
+
+
+def _hlg(encoded: DoubleArray) -> DoubleArray:
+    """BT.2100, table 5: reference HLG OETF, inverted."""
+    a = 0.17883277
+    b, c = 1 - 4 * a, 0.5 - a * np.log(4 * a)
+    return np.where(encoded <= 0.5, encoded**2 / 3, (np.exp((encoded - c) / a) + b) / 12)
