@@ -48,7 +48,9 @@ TRUTH, TRUTH_PICTURE = ".truth.tif", ".truth.png"
 """Ends of the names of the truth of a simulated shot, and of its picture to look at, behind the stem of the shot."""
 
 
-def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Scene:
+def load_scene(
+    source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB, registered: bool = True
+) -> Scene:
     """Return the scene in a file, or a built-in scene.
 
     source: one of
@@ -63,6 +65,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     max_pixels: larger scenes are refused.
     channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
         has as many; otherwise, and in all other files, the scene has red, green and blue.
+    registered: of camera RAWs, see `camera_raw_scene`.
 
     The content decides which kind a file is, and the name's ending must agree. Raises InputError that says what was found and what
     to do; it does not name the file.
@@ -72,10 +75,10 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     if meant := _misspelt(source):
         raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
     with text_name(Path(source)) as path:
-        return replace(_in_file(path, linear, max_pixels, channels), name=Path(source).stem)
+        return replace(_in_file(path, linear, max_pixels, channels, registered), name=Path(source).stem)
 
 
-def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
+def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
     found, is_dng = file_kind(path)
     if found:
         with guarded(path):
@@ -85,7 +88,7 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str) -> Scene:
     with guarded(path):
         notes = remark_on_opcodes(path) if is_dng else ()
         linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
-    scene = linear_scene or camera_raw_scene(path, max_pixels)
+    scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 

@@ -28,8 +28,8 @@ MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]
 
 
 def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
-    """The scene in a DNG with these samples. Arguments: of `write_dng`."""
-    return load_scene(write_dng(path / "a.dng", *arguments, **options))
+    """The scene in a DNG with these samples, quads as they are. Arguments: of `write_dng`."""
+    return load_scene(write_dng(path / "a.dng", *arguments, **options), registered=False)
 
 
 PLACES = [(0, 1), (1, 0), (1, 1), (3, 2)]
@@ -49,6 +49,18 @@ def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: in
         quad = light[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].ravel()
         expected = [np.mean([value for value, letter in zip(quad, order, strict=True) if letter == channel]) for channel in "RGB"]
         np.testing.assert_allclose(scene.rgb[row, column], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path, order: str) -> None:
+    y, x = np.indices((80, 96)).astype(np.float64)
+    light = 2000 + 900 * np.sin(2 * np.pi * y / 23) * np.cos(2 * np.pi * x / 31)  # of all filters
+    path = write_dng(tmp_path / "a.dng", np.rint(light).astype(np.uint16), order, fields={50717: (SHORT, [4000])})
+    quads, registered = (load_scene(path, registered=each).rgb[4:-4, 4:-4] for each in (False, True))
+    apart, left = (np.abs(rgb[..., ::2] - rgb[..., 1:2]).max() for rgb in (quads, registered))
+    assert apart > 0.03
+    assert left < 0.004  # the mean of two greens is a little less than the light between them
+    np.testing.assert_array_equal(quads[..., 1], registered[..., 1])
 
 
 @pytest.mark.parametrize(
@@ -277,3 +289,19 @@ def test_without_a_neutral_it_is_estimated_and_marked(tmp_path: Path) -> None:
     assert scene.neutral_estimated
     assert scene.neutral == pytest.approx(NEUTRAL, abs=0.05)
     assert "is estimated from the scene" in scene.notes[0]
+
+
+def test_the_rim_of_a_clipped_sky_has_no_colour_after_the_registration(tmp_path: Path) -> None:
+    neutral, (y, x) = np.array([0.5, 1.0, 0.625]), np.indices((80, 96))
+    light = 0.2 + 1.4 / (1 + np.exp((y + 0.3 * x - 50) / 1.2))  # a roof before a sky
+    seen = np.choose(y % 2 + x % 2, neutral) * light
+    samples = np.minimum(np.rint(4000 * seen), 4000).astype(np.uint16)
+    fields = {
+        50717: (SHORT, [4000]),
+        50728: (RATIONAL, rationals(neutral)),
+        50721: (SRATIONAL, rationals(MATRIX)),
+        50778: (SHORT, [21]),
+    }
+    rgb = load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields)).rgb[3:-3, 3:-3] / neutral
+    assert rgb.max() > 1
+    assert (np.ptp(rgb, axis=2) / rgb.mean(axis=2)).max() < 0.05  # 0.5 without registration

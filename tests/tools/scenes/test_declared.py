@@ -320,7 +320,7 @@ def test_a_linearization_table_of_a_mosaic_is_applied(tmp_path: Path) -> None:
     table = (np.arange(4096) * 3).tolist()
     samples = RNG.integers(0, 4000, (60, 80)).astype(np.uint16)
     path = write_dng(tmp_path / "a.dng", samples, fields={50712: (SHORT, table), 50717: (SHORT, [12285])})
-    np.testing.assert_allclose(load_scene(path).rgb[..., 0], samples[::2, ::2] / 4095, rtol=1e-5)
+    np.testing.assert_allclose(load_scene(path, registered=False).rgb[..., 0], samples[::2, ::2] / 4095, rtol=1e-5)
 
 
 def test_other_channels_of_an_exr_are_said_in_one_note(tmp_path: Path) -> None:
