@@ -91,14 +91,21 @@ class PictureKind:
         """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
         return self.space != CAMERA or self.format == "dng"
 
+    @property
+    def as_measured(self) -> str:
+        """What makes this a kind of the space "camera", and what to choose instead, for messages."""
+        if set(self.kept_as.spaces) == {CAMERA}:
+            return f"{self.format} holds the scene as measured; choose another format, such as tif"
+        if self.uncertainty:
+            return "the uncertainty stands beside the scene as measured; leave `uncertainty` out"
+        return '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
+
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            raise InputError(
-                f'`exposure` is {exposure:g} stops, but `space="camera"` is the scene as measured; choose another space'
-            )
+            raise InputError(f"`exposure` is {exposure:g} stops, but {self.as_measured}, or leave `exposure` out")
 
 
 def _known(name: str) -> Format:

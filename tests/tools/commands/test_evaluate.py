@@ -51,12 +51,13 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page
-    assert str(mixed) in page  # failures are named in full
+    assert "mixed/cut.png: " in page
+    assert str(mixed.parent) not in page  # it is made to be shared
 
-    # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
+    # Again: refused before any work; with --resume from what is kept; another method adds itself.
     assert "evaluation.html: exists already" in run("evaluate", mixed, *options, code=2).err
     kept = times(out / "results")
-    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page", code=1)
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--resume", "--no-page", code=1)
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept

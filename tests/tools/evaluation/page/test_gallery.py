@@ -98,7 +98,7 @@ def exhibit(study: Study) -> Exhibit:
 def test_the_last_picture_of_an_exhibit_shows_what_is_measured_inferred_and_guessed(tmp_path: Path) -> None:
     *pictures, shown = exhibit(study_of(tmp_path, methods=("best", "bilinear"), count=1)).pictures
     assert [picture.psnr is None for picture in (*pictures, shown)] == [True, False, False, True]
-    assert "guessed" in shown.name
+    assert "guessed" in shown.caption
     assert shown.pixels.shape == pictures[0].pixels.shape
     assert np.ptp(shown.pixels.astype(int), axis=2).any()
 
