@@ -109,6 +109,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     path.write_bytes(before)  # a worker that has seen the other one takes it up again
     assert [line for task in tasks(study, tmp_path)[0] for line in work(task)] == []
     path.unlink()
+    study.reading.info(study.scenes[1].source)
     (line,) = alone().measure(todo)
     assert line.startswith(f"{path}: there is no such file")
 
