@@ -101,10 +101,10 @@ def headline(group: SetFigures) -> str:
     for each in margins:
         kinds.setdefault(_standing(each, [scene.lead for scene in group.margins(each.level)]), []).append(each.level)
     text = capital("; ".join(f"{text} at {_listed(levels)}" for text, levels in kinds.items() if levels)) + " in median RGB PSNR."
-    found = [group.margin(level, criterion) for level in group.study.levels for criterion in CRITERIA if criterion != RGB]
-    if lost := Counter(each.level for each in found if each and each.lost):
-        counts = " and ".join(f"{count} at {level.text}" for level, count in lost.items())
-        text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival: {counts}."
+    lost = {(each.level, each.criterion) for each in group.comparisons if each.lost and each.criterion != RGB}
+    if counts := Counter(level for level in group.study.levels for criterion in CRITERIA if (level, criterion) in lost):
+        listed = " and ".join(f"{count} at {level.text}" for level, count in counts.items())
+        text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival, if only on one scene: {listed}."
     return text
 
 
