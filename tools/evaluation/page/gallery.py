@@ -188,7 +188,7 @@ def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit
         raise InputError(f"{crop.scene.source}: {error}") from None
     transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
     truth, several = scene.rgb[crop.part], crop.why == WHY_PATTERNS
-    stops = min(_stops(scene.rgb), _most_stops(truth / np.array(transform.white, np.float32)))
+    stops = min(_stops(scene.rgb), _most_stops((truth / np.array(transform.white)).astype(np.float32)))
 
     def displayed(rgb: FloatArray) -> ByteArray:
         # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
