@@ -3,8 +3,6 @@
 import os
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", ROOT / "../shared/data"))
 
@@ -13,5 +11,7 @@ def photograph(name: str) -> Path:
     """The path of a test photograph. A test that asks for one is skipped where it is missing."""
     path = DATA / name
     if not path.exists():
+        import pytest  # benchmarks, which look for photographs too, do without it
+
         pytest.skip(f"no test photographs: {path} is missing")
     return path

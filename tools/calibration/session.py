@@ -14,6 +14,7 @@ from tools.host.console import Console
 from tools.host.jobs import reason
 from tools.host.progress import StageProgress
 from tools.host.work import Here, Workers, follow
+from tools.pictures.html import without_folders
 
 from .dark_frames import measure_dark
 from .files import KINDS, Files
@@ -179,6 +180,6 @@ class Session:
         """Say and record why these frames are skipped."""
         path, why = " ".join(paths), reason(error)
         line = why if path in why else f"{path}: {why}"
-        self.seen.skipped.append(line)
+        self.seen.skipped.append(without_folders(line, paths))
         self._console.error(f"skipped {line}")
         self._console.record(source=path, ok=False, error=" ".join(why.split()))

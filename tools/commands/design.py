@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(slow, "--photographs SCENE ...", "photographs, or folders of them, to render")
     option(slow, "--crop PIXELS", "use only the middle of each", type=count)
     add(slow, "workers", "max-memory", things="processes", usual="one per core, as memory allows")
-    add(parser, "overwrite")
+    option(parser, "--overwrite", "replace the page of an earlier search; what was judged and measured is kept")
     add(parser, "json", each="tile")
 
 

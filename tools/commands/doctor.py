@@ -208,7 +208,7 @@ def _kernels() -> Iterator[Finding]:
     except OSError as error:
         wrong = f"{folder}: {error.strerror or error}"
     found = wrong or f"{folder}, {compiled} compiled{'' if compiled else ': the first render does it'}"
-    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for a minute")
+    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute")
 
 
 def _machine() -> Iterator[Finding]:

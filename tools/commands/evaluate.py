@@ -1,7 +1,8 @@
 """Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera, and compare the renderings.
 
 Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
-are made: an interrupted run continues where it stopped, and for another method or noise level only its own results are measured.
+are made: an interrupted run continues where it stopped. --resume adds to a finished one: of another method or noise level only its
+own results are measured. --overwrite measures all of them again.
 """
 
 import argparse
@@ -9,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared.errors import InputError
+from shared.errors import InputError, OutputError
 from shared.pattern import PERIODS
 from shared.pattern_text import read_pattern
 from shared.processors import processors
@@ -22,7 +23,6 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.versions import program_version
-from tools.host.work import duration
 
 from .options import add, add_protocol, count, option, protocol_of, uses_scheduler
 
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(what, "--crop PIXELS", "use only the middle of each scene, for a quick look", type=count)
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
-    add(run_, "scheduler", "scheduler-file", "max-memory", "overwrite", "dry-run")
+    add(run_, "scheduler", "scheduler-file", "max-memory", "resume", "overwrite", "dry-run")
     option(run_, "--no-page", "write only the figures")
     add(parser, "json", each="scene")
 
@@ -68,15 +68,19 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
     from tools.evaluation.page.gallery import Named, render_gallery
     from tools.evaluation.page.page import build_page
-    from tools.evaluation.strokes import measure_strokes
-    from tools.evaluation.study import collect, tasks
+    from tools.evaluation.strokes import measure_strokes, result_names
+    from tools.evaluation.study import FOLDER, Cache, collect, tasks
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
+    from tools.pictures.html import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]
-    if not (arguments.overwrite or arguments.dry_run):
-        refuse_existing(outputs)
+    if not (arguments.overwrite or arguments.resume or arguments.dry_run):
+        try:
+            refuse_existing(outputs)
+        except OutputError as error:
+            raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
     try:
@@ -85,9 +89,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             each.crop(study, study.levels[0])
     except InputError as error:
         raise InputError(f"--show: {error}") from None
-    todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
+    todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
+    if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
+        Cache(folder / FOLDER).remove([*(cell.name for cell in study.cells()), *result_names(study)])
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
@@ -101,11 +107,18 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     failures += failed
     figures = Figures(study, results, strokes)
     program = f"panchroma {program_version()}"
-    write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
-    write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
+    page = b""
     if not arguments.no_page:
-        page = build_page(figures, render_gallery(figures, team, named), program, [*failures, *left_out])
-        write_durably(folder / _PAGE, page, overwrite=arguments.overwrite)
+        try:
+            exhibits = render_gallery(figures, team, named)
+        except InputError as error:  # a file that has changed since it was measured
+            console.error(str(error))
+            failures, exhibits = [*failures, str(error)], []
+        named_files = [*arguments.scenes, *arguments.rival]
+        page = build_page(figures, exhibits, program, [without_folders(line, named_files) for line in (*failures, *left_out)])
+    contents = {_PAGE: page, _JSON: encode_json(figures, program, failures, left_out), _CSV: encode_csv(figures)}
+    for path in outputs:
+        write_durably(path, contents[path.name], overwrite=arguments.overwrite or arguments.resume)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
@@ -131,7 +144,9 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
-    study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, arguments.seed, reading)
+    names = tuple(each.name for each in methods)
+    networks = tuple((each.name, each.file) for each in methods if each.file)
+    study = Study(tuple(scenes), names, levels, tiles, arguments.seed, reading, networks)
     made, without = study.remarks()
     console.note(*made, *without)
     return study, failures, [*left_out, *without]
@@ -157,12 +172,11 @@ def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") ->
 
 
 def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
-    """Print the work of a --dry-run and its rough duration."""
+    """Print the work of a --dry-run."""
     for task in todo:
         console.say(task.title)
         for cell in task.cells:
             facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
             console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
-    results, took = sum(len(task.cells) for task in todo), duration(sum(task.seconds for task in todo))
-    console.say(f"{results} results to make, {there} kept from an earlier run; roughly {took} of one core")
+    console.say(f"{sum(len(task.cells) for task in todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0

@@ -69,6 +69,7 @@ def text(argument: str) -> str:
 
 _SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
     "output": ("-o --output DIR", "folder for {files}, created if missing", {"required": True}),
+    "resume": ("--resume", "keep results that are up to date, replace outdated ones", {}),
     "overwrite": ("--overwrite", "replace results that exist already", {}),
     "dry-run": ("--dry-run", "write nothing, only say what would be done", {}),
     "json": ("--json", "print one JSON object per {each} to stdout", {}),

@@ -60,8 +60,7 @@ def _format(name: str) -> str:
 def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """Add the options of a run, and return their group."""
     group = parser.add_argument_group("the run")
-    option(group, "--resume", "keep results that are up to date, replace outdated ones")
-    add(group, "overwrite", "dry-run", "threads", "max-memory", of=" of each process")
+    add(group, "resume", "overwrite", "dry-run", "threads", "max-memory", of=" of each process")
     return group
 
 

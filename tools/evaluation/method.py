@@ -27,6 +27,7 @@ class Method:
     whole_shot: whether a rival's function gets the `BayerShot`, with its noise, and what white reads, instead of the samples.
     packages: distributions that it needs; results depend on their versions, too.
     seconds: rough duration per megapixel, from which the time left is estimated.
+    file: of a network; "" = none. Results depend on its content, which `version` tells, not on its name.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Method:
     whole_shot: bool = False
     packages: tuple[str, ...] = ()
     seconds: float = 1.0
+    file: str = ""
 
     @property
     def short(self) -> str:
@@ -60,7 +62,7 @@ class Method:
     def identity(self) -> dict[str, Any]:
         """What results depend on besides scene, noise and pattern, as JSON values."""
         packages = {each: package_version(each) for each in self.packages}
-        return {"method": self.name, "version": self.version, "packages": packages}
+        return {"method": "network" if self.file else self.name, "version": self.version, "packages": packages}
 
     def with_balance(self) -> "Method":
         """The same method, given white-balanced samples."""

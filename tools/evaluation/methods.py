@@ -1,5 +1,6 @@
 """The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its name in _RIVALS."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from functools import cache, partial
 
@@ -33,21 +34,25 @@ def _preview() -> Method:
 
 
 _OURS = (_preset("paper", "paper", 0.3), _preset("best", "best", 2), _preset("unlearned", "best, unlearned", 2), _preview())
+Networks = tuple[tuple[str, str], ...]
+"""Names of networks, and the files that each process reads them from."""
 _RIVALS = (planes, interpolation, dlmmse, integers, demosaicnet, denoising)
 
 
 class _Methods(dict[str, Method]):
-    """The methods, and those of networks by the names of their files: every process that is told a name finds its method."""
+    """The methods that anyone has; and by its name, but not in the list, each network that was chosen in this process."""
+
+    def __init__(self, known: Iterable[tuple[str, Method]]) -> None:
+        super().__init__(known)
+        self.networks: dict[str, Method] = {}  # a name tells the content, so that none ever means another network
 
     def __missing__(self, name: str) -> Method:
-        if not name.endswith(network.ENDING):
-            raise KeyError(name)
-        return network.network(name)  # not kept: the list is of methods that anyone has
+        return self.networks[name]
 
 
 @cache
-def methods() -> dict[str, Method]:
-    """All methods by name: ours, then the others for any pattern, then those of a Bayer camera; and any network by its file's."""
+def methods() -> _Methods:
+    """All methods by name: ours, then the others for any pattern, then those of a Bayer camera."""
     known = (*_OURS, *(method for module in _RIVALS for method in module.METHODS))
     return _Methods((method.name, method) for method in known)
 
@@ -63,13 +68,28 @@ def missing_packages() -> list[str]:
 
 
 def choose(names: list[str]) -> list[Method]:
-    """Methods by name, each once. Raises InputError for an unknown name, or one whose package is not installed."""
-    chosen = []
-    for name in dict.fromkeys(names):
-        if name not in methods() and not name.endswith(network.ENDING):
+    """Methods by name, or network by its file, each once.
+
+    Raises InputError for an unknown name, one whose package is not installed, and as `network.network` does.
+    """
+    chosen: dict[str, Method] = {}
+    for name in names:
+        if name.endswith(network.ENDING):
+            method = network.network(name)
+            methods().networks[method.name] = method
+        elif name in methods() or name in methods().networks:
+            method = methods()[name]
+        else:
             raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}{meant(name, methods())}")
-        method = methods()[name]
         if method.missing:
             raise InputError(f"{name} needs the package {method.missing}: {method.remedy}, or leave it out of `methods`")
-        chosen.append(method)
-    return chosen
+        chosen[method.name] = method
+    return list(chosen.values())
+
+
+def method_of(name: str, networks: Networks) -> Method:
+    """Return a method by its name, in any process. Raises InputError for a network whose file has changed or is gone."""
+    file = dict(networks).get(name)
+    if file and all(method.name != name for method in choose([file])):
+        raise InputError(f"{file}: {network.CHANGED}")
+    return methods()[name]

@@ -76,28 +76,39 @@ class Reading:
     largest: int | None = None
     channels: tuple[str, ...] = (RGB,)
 
-    def scene(self, source: str) -> Scene:
-        """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
-        return _loaded(source, self)[0]
+    def scene(self, source: str, expected: str | None = None) -> Scene:
+        """Load a scene and cut it.
+
+        expected: `SceneInfo.digest` of its pixels; None = any.
+        Raises InputError, without the name of the source, if it cannot be read, is too small, or is not what was expected.
+        """
+        scene, _, found = _loaded(source, self)
+        if expected not in (None, found):
+            _loaded.cache_clear()  # the file may have been another one when it was kept in memory
+            scene, _, found = _loaded(source, self)
+        if expected not in (None, found):
+            raise InputError("the picture has changed since the evaluation began; run it again")
+        return scene
 
     def info(self, source: str) -> SceneInfo:
         """Facts about the scene. Raises InputError as `scene` does."""
-        scene, origin = _loaded(source, self)
+        _loaded.cache_clear()
+        scene, origin, found = _loaded(source, self)
         group = MEASURED if self.linear and scene.channels == RGB else _group(source, scene)
         neutral = _neutral(scene, group)
-        return SceneInfo(source, scene.name, group, digest(scene.rgb), *scene.shape, neutral, scene.notes, scene.channels, origin)
+        return SceneInfo(source, scene.name, group, found, *scene.shape, neutral, scene.notes, scene.channels, origin)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
-def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int]]:
-    """The scene, cut, and `SceneInfo.origin`."""
+def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]:
+    """The scene, cut, and `origin` and `digest` of its `SceneInfo`."""
     scene = _load(source, reading)
     origin = [_kept(size, reading.largest).start for size in scene.shape]
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
         raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
-    return replace(scene, rgb=rgb), (origin[0], origin[1])
+    return replace(scene, rgb=rgb), (origin[0], origin[1]), digest(rgb)
 
 
 def _load(source: str, reading: Reading) -> Scene:

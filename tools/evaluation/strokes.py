@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
-from shared.errors import PanchromaError
+from shared.errors import InputError, PanchromaError
 from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
 from .cameras import CameraPair
-from .methods import choose, methods
+from .method import Method
+from .methods import choose, method_of, methods
 from .metrics import BORDER
-from .study import FOLDER, Cache, Study, can_photograph
+from .study import FOLDER, Cache, Study, can_photograph, result_name
 from .team import Team
 from .tiles import Tile
 
@@ -40,6 +41,8 @@ _TURN = np.radians(50)  # between the rows and what crosses a stroke: not 45 deg
 
 Kept = tuple[tuple[float, ...], ...]
 """Part of the colour that was kept, of each of COLOURS in strokes of each of WIDTHS."""
+Piece = tuple[str, Protocol, Tile | None]
+"""Method, noise level and pattern of a result."""
 
 
 @dataclass(frozen=True)
@@ -95,30 +98,47 @@ def measure_strokes(study: Study, folder: Path, team: Team) -> tuple[list[Stroke
 
     folder: of the study; results are kept there, and made once.
     """
-    pieces = [
+    pieces = _pieces(study)
+    found = team.together("strokes", partial(measure, study, Cache(folder / FOLDER)), pieces, drawing()[1].size)
+    made = [Strokes(*piece, each) for piece, each in zip(pieces, found, strict=True) if not isinstance(each, str)]
+    return made, list(dict.fromkeys(each for each in found if isinstance(each, str)))
+
+
+def result_names(study: Study) -> list[str]:
+    """Names of the kept results of a study."""
+    return [_name(study, methods()[name], level, tile) for name, level, tile in _pieces(study)]
+
+
+def _pieces(study: Study) -> list[Piece]:
+    return [
         (method.name, level, tile)
         for level in study.levels
         for method in choose(list(study.methods))
         for tile in study.cameras(method)
         if can_photograph(tile, RGB)
     ]
-    found = team.together("strokes", partial(measure, study, Cache(folder / FOLDER)), pieces, drawing()[1].size)
-    made = [Strokes(*piece, each) for piece, each in zip(pieces, found, strict=True) if not isinstance(each, str)]
-    return made, [each for each in found if isinstance(each, str)]
 
 
-def measure(study: Study, cache: Cache, piece: tuple[str, Protocol, Tile | None]) -> Kept | str:
+def _name(study: Study, method: Method, level: Protocol, tile: Tile | None) -> str:
+    return f"{result_name(method, level, tile, study.seed, scene=f'strokes {VERSION}')}.json"
+
+
+def measure(study: Study, cache: Cache, piece: Piece) -> Kept | str:
     """What a method keeps at a level with a pattern, from the cache or made now; a line of text if it failed.
 
     Raises OutputError if it cannot be kept.
     """
     name, level, tile = piece
-    file = f"{study.result(methods()[name], level, tile, scene=f'strokes {VERSION}')}.json"
+    try:
+        method = method_of(name, study.networks)
+    except InputError as error:
+        return str(error)
+    file = _name(study, method, level, tile)
     if (known := cache.get(file, _decoded)) is not None:
         return known
     cameras = CameraPair(level, study.seed, drawing()[0], (tile or study.tile).pattern, (1.0,) * len(RGB))
     try:
-        found = kept(methods()[name].render(cameras))
+        found = kept(method.render(cameras))
     except (PanchromaError, MemoryError) as error:
         return f"strokes: {name}, {level.text}: {error or 'not enough memory'}"
     cache.put(file, json.dumps(found).encode())

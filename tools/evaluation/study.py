@@ -5,7 +5,7 @@ Results are files under a digest of all they depend on, so that an interrupted r
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +20,7 @@ from tools.scenes.scene import RGB
 from .cameras import CameraPair
 from .measures import Measures
 from .method import Method
-from .methods import choose, methods
+from .methods import Networks, choose, method_of, methods
 from .rivals.denoising import SECONDS as DENOISING_SECONDS
 from .scene_sets import Reading, SceneInfo
 from .tiles import Tile, filters_of
@@ -60,6 +60,14 @@ class Cache:
             raise OutputError(f"{self.folder}: the folder cannot be made ({error.strerror or error})") from None
         write_durably(self.folder / name, data, overwrite=True)
 
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove results, where there are any. Raises OutputError."""
+        for name in names:
+            try:
+                (self.folder / name).unlink(missing_ok=True)
+            except OSError as error:
+                raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror or error})") from None
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -94,6 +102,7 @@ class Study:
     tiles: the patterns of the sparse-colour camera, under different names.
     seed: of the noise, the same for every scene.
     reading: how scenes are read.
+    networks: those among the methods.
     """
 
     scenes: tuple[SceneInfo, ...]
@@ -102,6 +111,7 @@ class Study:
     tiles: tuple[Tile, ...]
     seed: int
     reading: Reading
+    networks: Networks = ()
 
     @property
     def protocol(self) -> type[Protocol]:
@@ -120,7 +130,7 @@ class Study:
     @property
     def ours(self) -> str | None:
         """The method that represents us: the best renderer in the study."""
-        return next((name for name in ("best", "paper", "preview") if name in self.methods), None)
+        return next((name for name in ("best", "unlearned", "paper", "preview") if name in self.methods), None)
 
     @property
     def rivals(self) -> list[str]:
@@ -164,21 +174,26 @@ class Study:
 
     def cell(self, scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None) -> Cell:
         """One result, with its name in the cache. tile: None for a Bayer camera's method."""
-        neutral = scene.neutral if method.balanced else None
-        name = self.result(method, level, tile, scene=scene.digest, channels=scene.channels, neutral=neutral)
-        return Cell(scene, level, method.name, tile, f"{name}.npz")
+        return _cell(scene, level, method, tile, self.seed)
 
-    def result(self, method: Method, level: Protocol, tile: Tile | None, **scene: Any) -> str:
-        """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
-        parts = {
-            "measuring": MEASURING,
-            "protocol": level.identity,
-            "level": level.level,
-            "seed": self.seed if level.noisy else 0,  # without noise any seed is the same
-            "pattern": asdict(tile.pattern) if tile else None,
-        }
-        text = json.dumps(parts | method.identity | scene, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+def _cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
+    neutral = scene.neutral if method.balanced else None
+    name = result_name(method, level, tile, seed, scene=scene.digest, channels=scene.channels, neutral=neutral)
+    return Cell(scene, level, method.name, tile, f"{name}.npz")
+
+
+def result_name(method: Method, level: Protocol, tile: Tile | None, seed: int, **scene: Any) -> str:
+    """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
+    parts = {
+        "measuring": MEASURING,
+        "protocol": level.identity,
+        "level": level.level,
+        "seed": seed if level.noisy else 0,  # without noise any seed is the same
+        "pattern": asdict(tile.pattern) if tile else None,
+    }
+    text = json.dumps(parts | method.identity | scene, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def can_photograph(tile: Tile | None, channels: str) -> bool:
@@ -194,10 +209,11 @@ class Task:
     seed: int
     reading: Reading
     folder: Path
+    networks: Networks = ()
 
     @property
     def seconds(self) -> float:
-        """Rough duration, for the time left."""
+        """Rough duration on one core: the share of a task in the work, for the time left. It foretells nothing by itself."""
         chosen = [methods()[cell.method] for cell in self.cells]
         once = max(0, sum(method.denoise is not None for method in chosen) - 1)  # denoised samples are kept for the next method
         each = sum(method.seconds + _SECONDS for method in chosen)
@@ -211,36 +227,59 @@ class Task:
         return f"{first.scene.name}, {first.level.text}: {names}"
 
 
-def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
-    """What is still to be done, and the number of results that are there already. Equal results are made once."""
+def tasks(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Task], int]:
+    """What is still to be done, and the number of results that are there already. Equal results are made once.
+
+    anew: make all of them, whatever is there.
+    """
     cache = Cache(folder / FOLDER)
     distinct: dict[str, Cell] = {}
     for cell in study.cells():
         distinct.setdefault(cell.name, cell)
-    missing = [cell for cell in distinct.values() if cache.get(cell.name, Measures.decode) is None]
+    missing = [cell for cell in distinct.values() if anew or cache.get(cell.name, Measures.decode) is None]
     todo: dict[tuple[str, Protocol, str], list[Cell]] = {}
     for cell in missing:
         shared = "bm3d" if methods()[cell.method].denoise else cell.name
         todo.setdefault((cell.scene.digest, cell.level, shared), []).append(cell)
-    pieces = [Task(tuple(cells), study.seed, study.reading, folder) for cells in todo.values()]
+    pieces = [Task(tuple(cells), study.seed, study.reading, folder, study.networks) for cells in todo.values()]
     return pieces, len(distinct) - len(missing)
 
 
 def work(task: Task) -> list[str]:
-    """Make and keep the results of a task. Returns a line for each that failed. Raises OutputError when they cannot be kept."""
+    """Make and keep the results of a task. Raises OutputError when they cannot be kept.
+
+    Returns a line for each that failed, and one for a file that is no longer what its results are named after.
+    """
     cache = Cache(task.folder / FOLDER)
     failures = []
     for cell in task.cells:
+        place = ""
         try:
+            truth = _truth(cell, task)
+            place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
             picture = render_cell(cell, task.seed, task.reading)
-            measures = Measures.of(picture, task.reading.scene(cell.scene.source).rgb, cell.scene.channels)
+            measures = Measures.of(picture, truth, cell.scene.channels)
         except PanchromaError as error:
-            failures.append(f"{cell.scene.source}: {cell.method}, {cell.level.text}: {error}")
+            failures.append(f"{place}{error}")
         except MemoryError:
             failures.append(f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size")
         else:
             cache.put(cell.name, measures.encode())
-    return failures
+    return list(dict.fromkeys(failures))
+
+
+def _truth(cell: Cell, task: Task) -> FloatArray:
+    """The light of a result's scene, as it is read here and now. Raises InputError, naming the file, unless the result is named
+    after what is read, and after the method that is used here.
+    """
+    method = method_of(cell.method, task.networks)
+    if _cell(cell.scene, cell.level, method, cell.tile, task.seed) != cell:
+        packages = ", ".join(("Panchroma", *method.packages))
+        raise InputError(f"{cell.method}: the process that measures has other versions of {packages}; install the same ones")
+    try:
+        return task.reading.scene(cell.scene.source, cell.scene.digest).rgb
+    except InputError as error:
+        raise InputError(f"{cell.scene.source}: {error}") from None
 
 
 def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
@@ -251,7 +290,9 @@ def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
 
 @lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
 def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading) -> CameraPair:
-    return CameraPair(level, seed, reading.scene(scene.source).rgb, tile.pattern, scene.neutral, channels=scene.channels)
+    return CameraPair(
+        level, seed, reading.scene(scene.source, scene.digest).rgb, tile.pattern, scene.neutral, channels=scene.channels
+    )
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:

@@ -22,6 +22,7 @@ _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
 _DRAWN = "drawn strokes"
 _SCENE = ("source", "name", "group", "rows", "columns", "channels", "notes")
+_FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")  # and, in full width, what some programs take for them
 _DIGITS = {"ssim": 6, "wrong_hue": 6}  # of figures; of all others 4
 
 
@@ -55,8 +56,20 @@ def encode_csv(figures: Figures) -> bytes:
     columns = dict.fromkeys(name for row in (*found[:1], *drawn[:1]) for name in row)
     writer = csv.DictWriter(text, list(columns or _COLUMNS), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({**row, "scene": one_line(row["scene"] or _POOLED)} for row in (*found, *drawn))
+    for row in (*found, *drawn):
+        writer.writerow({name: _cell(value) for name, value in (row | {"scene": row["scene"] or _POOLED}).items()})
     return text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    """What a cell of a CSV file holds. A text from which a spreadsheet would make a formula gets an apostrophe in front.
+
+    Source: OWASP, CSV injection.
+    """
+    if not isinstance(value, str):
+        return value
+    text = one_line(value)
+    return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
 def encode_json(figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()) -> bytes:

@@ -81,7 +81,7 @@ class Team:
         """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
         pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
         found = self.together("measuring", work, todo, pixels, lambda task: task.seconds)
-        failures = [line for lines in found for line in lines]
+        failures = list(dict.fromkeys(line for lines in found for line in lines))
         for line in failures:
             self.console.error(line)
         return failures

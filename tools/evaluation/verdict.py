@@ -15,6 +15,7 @@ from .scene_sets import SPECTRAL
 FEW = 6  # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6 = 0.03)
 # The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
 _STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
+_BETTER, _SAME, _WORSE = "better than every Bayer rival", "even with the best", "worse than the best"
 
 
 @dataclass(frozen=True)
@@ -87,23 +88,35 @@ def heading(group: SetFigures) -> str:
 
 
 def headline(group: SetFigures) -> str:
-    """The verdict on a set: the levels at which we beat every rival in median RGB PSNR, and by how many other figures we do not."""
+    """The verdict on a set: the levels at which we beat every rival in median RGB PSNR, and by how many other figures we do not.
+
+    A claim for all scenes together has to hold on each of them, or the scenes are counted instead.
+    """
     margins = [margin for level in group.study.levels if (margin := group.margin(level)) is not None]
     if not margins and group.name == SPECTRAL:
         return "A Bayer camera is left out: these scenes have other channels than red, green and blue."
     if not margins:
-        return "There is no Bayer camera to compare with: measure a method of ours and a rival."
-    kinds = (
-        ("better than every Bayer rival", [each.level for each in margins if each.lead >= EVEN]),
-        ("even with the best", [each.level for each in margins if abs(each.lead) < EVEN]),
-        ("worse than the best", [each.level for each in margins if each.lost]),
-    )
-    text = capital("; ".join(f"{text} at {_listed(levels)}" for text, levels in kinds if levels)) + " in median RGB PSNR."
-    found = [group.margin(level, criterion) for level in group.study.levels for criterion in CRITERIA if criterion != RGB]
-    if lost := Counter(each.level for each in found if each and each.lost):
-        counts = " and ".join(f"{count} at {level.text}" for level, count in lost.items())
-        text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival: {counts}."
+        return "There is nothing to compare: measure a method of ours and a Bayer camera's."
+    kinds: dict[str, list[Protocol]] = {_BETTER: [], _SAME: [], _WORSE: []}
+    for each in margins:
+        kinds.setdefault(_standing(each, [scene.lead for scene in group.margins(each.level)]), []).append(each.level)
+    text = capital("; ".join(f"{text} at {_listed(levels)}" for text, levels in kinds.items() if levels)) + " in median RGB PSNR."
+    lost = {(each.level, each.criterion) for each in group.comparisons if each.lost and each.criterion != RGB}
+    if counts := Counter(level for level in group.study.levels for criterion in CRITERIA if (level, criterion) in lost):
+        listed = " and ".join(f"{count} at {level.text}" for level, count in counts.items())
+        text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival, if only on one scene: {listed}."
     return text
+
+
+def _standing(together: Comparison, leads: Sequence[float]) -> str:
+    """What can be said of ours beside the best Bayer rival. leads: on each scene, dB."""
+    if min(leads) >= EVEN and together.lead >= EVEN:
+        return _BETTER
+    if max(leads) <= -EVEN and together.lost:
+        return _WORSE
+    if max(map(abs, (*leads, together.lead))) < EVEN:
+        return _SAME
+    return ahead(leads).replace("ahead", "ahead of the best Bayer rival", 1)
 
 
 def caveats(group: SetFigures) -> list[str]:

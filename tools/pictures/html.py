@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
@@ -46,6 +47,17 @@ def row_title(text: str) -> str:
 def cell(text: str, *, best: bool = False, mark: str = "") -> str:
     """Return a cell, with `mark` before the text of the best one."""
     return f"<td{css_class('win' * best)}>{mark * best}{escape(text)}</td>"
+
+
+def without_folders(line: str, names: Iterable[str]) -> str:
+    """Return a line without the absolute places of files or folders that it names: a page is shared, and these are private.
+
+    >>> without_folders("/home/me/photos/x.png: is empty", ["/home/me/photos"])
+    'photos/x.png: is empty'
+    """
+    for place in {each for name in names for each in (str(Path(name).absolute()), os.path.realpath(name))}:
+        line = line.replace(place, Path(place).name or place)
+    return line
 
 
 def css_class(name: str) -> str:

@@ -167,4 +167,4 @@ def tile_picture(tile: Sequence[str]) -> str:
             squares += f'<rect x="{x}" y="{y}" width="{_SQUARE}" height="{_SQUARE}" fill="{fill}"/>'
             if letter != PANCHROMATIC:
                 squares += f'<text x="{x + _SQUARE / 2:g}" y="{y + 0.77 * _SQUARE:g}">{escape(letter)}</text>'
-    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(tile)}">{squares}</svg>'
+    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{escape("/".join(tile))}">{squares}</svg>'

@@ -79,14 +79,20 @@ class PictureKind:
         """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
         return self.space != CAMERA or self.format == "dng"
 
+    @property
+    def as_measured(self) -> tuple[str, str]:
+        """What makes this a kind of the space "camera", and what to do instead, for messages."""
+        if set(self.kept_as.spaces) == {CAMERA}:
+            return f"a {self.format}", "choose another format, such as tif"
+        return '`space="camera"`', "choose another space, such as linear-srgb"
+
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            raise InputError(
-                f'`exposure` is {exposure:g} stops, but `space="camera"` is the scene as measured; choose another space'
-            )
+            what, instead = self.as_measured
+            raise InputError(f"`exposure` is {exposure:g} stops, but {what} is the scene as measured; {instead}")
 
 
 def _known(name: str) -> Format:

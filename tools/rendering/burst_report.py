@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
-from tools.pictures.html import cell, figure, picture, reduced, report, row, row_title, table
+from tools.pictures.html import cell, figure, picture, reduced, report, row, row_title, table, without_folders
 from tools.pictures.plot import Plot, round_step, ticks
 from tools.pictures.samples import Sample, display_codes, upright
 
@@ -74,7 +74,7 @@ def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None,
     merged: the burst, rendered.
     """
     used = [frame for frame in frames if not frame.reason]
-    refused = [frame.line for frame in frames if frame.reason]
+    refused = [without_folders(frame.line, [each.name for each in frames]) for frame in frames if frame.reason]
     tone = "bad" if len(used) < 2 else "care" if refused else "good"
     sections = {"One frame, and the burst": _beside(alone.picture, merged.picture)}
     facts: list[str] = []

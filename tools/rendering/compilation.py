@@ -115,7 +115,7 @@ def _teller(progress: StageProgress) -> Callable[[str], None]:
             often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
         else:
             often = "once"
-        note_once(f"compiling the renderer for this processor; it takes up to half a minute, {often}")
+        note_once(f"compiling the renderer for this processor; it takes about half a minute, {often}")
         if progress.shows:
             progress.remark(how_far)
         elif time.monotonic() - said >= _BETWEEN_NOTES:

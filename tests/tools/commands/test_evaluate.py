@@ -10,6 +10,7 @@ from PIL import Image
 from shared.pattern_text import read_pattern
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
+from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 
 
 def times(folder: Path) -> dict[Path, int]:
@@ -51,17 +52,51 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page
-    assert str(mixed) in page  # failures are named in full
+    assert "mixed/cut.png: " in page
+    assert str(mixed.parent) not in page  # it is made to be shared
 
-    # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
+    # Again: refused before any work; with --resume from what is kept; another method adds itself.
     assert "evaluation.html: exists already" in run("evaluate", mixed, *options, code=2).err
     kept = times(out / "results")
-    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page", code=1)
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--resume", "--no-page", code=1)
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
     assert len(after) == len(kept) + 6 + 2  # of the drawn strokes
     assert (out / "evaluation.html").read_text() == page
+
+
+def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:
+    options = ("builtin:60x60", "-o", out, "--methods", "preview", "bilinear", "--sigma", "0.01", "--workers", "1", "--no-page")
+    run("evaluate", *options, code=0)
+    results, csv = out / "results", (out / "evaluation.csv").read_text()
+    for path in results.iterdir():  # results as an earlier fault may have left them: of something else
+        source = next(other for other in results.iterdir() if other.suffix == path.suffix and other != path)
+        path.write_bytes(source.read_bytes())
+    said = run("evaluate", *options, code=2).err
+    assert "evaluation.json: exists already; use --overwrite to replace it, or --resume to keep" in said
+    assert run("evaluate", *options, "--overwrite", "--dry-run", code=0).out.endswith(
+        "2 results to make, 0 kept from an earlier run\n"
+    )
+    assert run("evaluate", *options, "--dry-run", code=0).out == "0 results to make, 2 kept from an earlier run\n"  # no seconds
+    run("evaluate", *options, "--resume", code=0)
+    assert (out / "evaluation.csv").read_text() != csv
+    run("evaluate", *options, "--overwrite", code=0)
+    assert (out / "evaluation.csv").read_text() == csv
+
+
+def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(out: Path, tmp_path: Path) -> None:
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
+    bad = tmp_path / "bad.png"
+    bad.write_bytes(b"")
+    options = ("--methods", "preview", "--sigma", "0", "--workers", "1", "--rival", path)
+    run("evaluate", "builtin:60x60", bad, "-o", out, *options, code=1)
+    page, csv, written = ((out / f"evaluation.{end}").read_text() for end in ("html", "csv", "json"))
+    assert "bad.png" in page
+    for text in (page, csv):
+        assert "mine-" in text
+        assert str(tmp_path) not in text
+    assert [name.rpartition("-")[0] for name in json.loads(written)["methods"]] == ["", "mine"]
 
 
 def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:

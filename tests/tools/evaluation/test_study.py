@@ -7,21 +7,30 @@ import pytest
 from offline import PAPER, render
 from offline.version import ALGORITHM
 from shared import SensorCalibration
+from shared.errors import InputError
 from shared.pattern import CfaPattern
 from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
-from tests.tools.evaluation.examples import measured, small_scene, study_of
+from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
+from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tests.walking import CHANGED, one_field_changed
 from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
+from tools.evaluation.page.gallery import Crop, render_exhibit
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.evaluation.study import FOLDER, collect, tasks, work
+from tools.evaluation.strokes import measure_strokes
+from tools.evaluation.study import FOLDER, Study, collect, tasks, work
 from tools.evaluation.team import Team, needed_memory
 from tools.host.console import Console
 
 NOISY = PaperProtocol(0.03)
+
+
+def whole(study: Study) -> Crop:
+    """All of the first scene but its border."""
+    return Crop(study.scenes[0], NOISY, 15, 15, 48, 60, "")
 
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
@@ -82,6 +91,79 @@ def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monke
     of_ours = {str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")}
     assert len(of_ours) == 4
     assert sum(each.startswith(f"[{ALGORITHM}, ") for each in of_ours) == 3
+
+
+def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_kept(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    for task in (todo := tasks(study, tmp_path)[0])[:1]:
+        work(task)
+    path = Path(study.scenes[0].source)
+    before = path.read_bytes()
+    np.save(path, small_scene(78, 90, 7))
+    study.reading.info(study.scenes[1].source)  # what was read of the first one is forgotten
+    assert alone().measure(todo[1:]) == [f"{path}: the picture has changed since the evaluation began; run it again"]
+    assert {cell.scene.name for cell in collect(study, tmp_path)} == {"scene0", "scene1"}  # what was measured before is right
+    assert len(collect(study, tmp_path)) == 1 + 6
+    with pytest.raises(InputError, match=r"scene0\.npy: the picture has changed"):
+        render_exhibit(study, (whole(study), ("paper",)))
+    path.write_bytes(before)  # a worker that has seen the other one takes it up again
+    assert [line for task in tasks(study, tmp_path)[0] for line in work(task)] == []
+    path.unlink()
+    study.reading.info(study.scenes[1].source)
+    (line,) = alone().measure(todo)
+    assert line.startswith(f"{path}: there is no such file")
+
+
+def test_a_picture_is_listed_as_it_is_now(tmp_path: Path) -> None:
+    before = study_of(tmp_path, count=1).scenes[0]
+    np.save(before.source, small_scene(78, 90, 7))
+    assert study_of(tmp_path, count=1).scenes[0].digest != before.digest
+
+
+def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_alone(tmp_path: Path) -> None:
+    def written(folder: Path, weight: float, name: str = "mine") -> tuple[str, Study]:
+        folder.mkdir(exist_ok=True)
+        path = of_quads(folder, [weight, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
+        for end in (".onnx", ".json"):
+            Path(path).with_suffix(end).rename(folder / f"{name}{end}")
+        path = str(folder / f"{name}.onnx")
+        (method,) = registry.choose([path])
+        return path, study_of(tmp_path, methods=(method.name,), networks=((method.name, path),))
+
+    path, study = written(tmp_path / "one", 1)
+    kept = {cell.name for cell in study.cells()}
+    todo = tasks(study, tmp_path)[0]
+    assert work(todo[0]) == []
+    other, changed = written(tmp_path / "one", 0.5)
+    assert not kept & {cell.name for cell in changed.cells()}
+    assert changed.methods != study.methods
+    assert all(name.startswith("mine-") and "/" not in name for name in (*study.methods, *changed.methods))
+    (line,) = alone().measure(todo)
+    assert line == f"{other}: has changed since the evaluation began; run it again"
+    assert measure_strokes(study, tmp_path, alone()) == ([], [line])
+    first = tasks(changed, tmp_path)[0][0]
+    registry.methods().networks.clear()  # as in another process
+    assert work(first) == []
+    elsewhere = written(tmp_path / "two", 1, "renamed")[1]
+    assert {cell.name for cell in elsewhere.cells()} == kept
+    assert tasks(elsewhere, tmp_path)[1] == 1
+    for end in (".json", ".onnx"):
+        Path(path).with_suffix(end).unlink()
+        (line,) = alone().measure(tasks(changed, tmp_path)[0])
+        assert line.startswith(f"{Path(path).with_suffix(end)}: ")
+
+
+def test_results_of_another_version_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker on another machine, or a package that was installed meanwhile."""
+    todo = tasks(study_of(tmp_path, methods=("menon", "bilinear")), tmp_path)[0]
+    monkeypatch.setattr("tools.evaluation.method.package_version", lambda name: "another")
+    (line,) = alone().measure(todo)
+    assert line.startswith("menon: the process that measures has other versions of Panchroma, colour-demosaicing")
+
+
+def test_every_method_of_ours_can_represent_us(tmp_path: Path) -> None:
+    for name, method in registry.methods().items():
+        assert study_of(tmp_path, methods=("bilinear", name)).ours == (name if method.ours else None)
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def _crops(each: Exhibit) -> str:
     from PIL import Image
 
     pictures = "".join(
-        figure(f'<img src="{data_address(Image.fromarray(one.pixels), "PNG")}" alt="{escape(one.name)}">', one.caption)
+        figure(f'<img src="{data_address(Image.fromarray(one.pixels), "PNG")}" alt="{escape(one.name)}">', one.title)
         for one in each.pictures
     )
     return f'<h3>{escape(each.crop.scene.name)}, {escape(each.crop.level.text)}</h3><div class="crops">{pictures}</div>'

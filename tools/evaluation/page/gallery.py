@@ -19,7 +19,7 @@ from tools.scenes.scene import RGB as RGB_CHANNELS
 from ..cameras import CameraPair
 from ..figures import RGB, Figures
 from ..measures import WINDOW, window_origins
-from ..methods import methods
+from ..methods import method_of, methods
 from ..metrics import BORDER, psnr
 from ..scene_sets import SceneInfo
 from ..study import Study, can_photograph
@@ -33,6 +33,7 @@ _PER_KIND = 3
 _RIVALS = 4
 _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
 _MOST_STOPS = 6.0
+_CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # brightness that this quantile of a crop is shown with at most
 
 WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "where our error is largest"
 WHY_HUE = "where most of our hues are wrong"
@@ -108,9 +109,9 @@ class Named:
 class Rendered:
     """One rendering of a crop.
 
-    name: of the method, of the pattern where patterns are compared, "truth", or what a map shows.
+    name: of the method, of the pattern where patterns are compared, or "truth".
     pixels: sRGB, uint8 (h, w, 3).
-    psnr: of the crop, dB; None for the truth and for a map.
+    psnr: of the crop, dB; None for the truth.
     ours: whether it is to be told apart as ours; where patterns are compared, none is.
     """
 
@@ -120,8 +121,8 @@ class Rendered:
     ours: bool = False
 
     @property
-    def caption(self) -> str:
-        """What is below the picture."""
+    def title(self) -> str:
+        """The name, with the PSNR if it has one."""
         return self.name if self.psnr is None else f"{self.name}, {self.psnr:.1f} dB"
 
 
@@ -129,7 +130,7 @@ class Rendered:
 class Exhibit:
     """A crop with its pictures, the truth first.
 
-    stops: brightening for display.
+    stops: brightening for display; negative ones darken.
     shown: places of the pictures on the left and on the right at first: best rival and our best, or worst and best pattern.
     """
 
@@ -168,14 +169,22 @@ def choose_crops(figures: Figures, named: Sequence[Named] = ()) -> Iterator[Crop
 
 
 def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit:
-    """Render a crop by the methods named, ours first, with each pattern if the crop is there for them."""
+    """Render a crop by the methods named, ours first, with each pattern if the crop is there for them.
+
+    Raises InputError, naming the file, if a scene or a network is not what was measured.
+    """
     crop, names = shown
-    scene = study.reading.scene(crop.scene.source)
+    try:
+        scene = study.reading.scene(crop.scene.source, crop.scene.digest)
+    except InputError as error:
+        raise InputError(f"{crop.scene.source}: {error}") from None
     transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
-    truth, stops, several = scene.rgb[crop.part], _stops(scene.rgb), crop.why == WHY_PATTERNS
+    truth, several = scene.rgb[crop.part], crop.why == WHY_PATTERNS
+    stops = min(_stops(scene.rgb), _most_stops((truth / np.array(transform.white)).astype(np.float32)))
 
     def displayed(rgb: FloatArray) -> ByteArray:
-        return quantise(transform.apply(rgb, stops), 8).astype(np.uint8)
+        # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
+        return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
 
     pictures = [Rendered("truth", displayed(truth))]
     tiles = [tile for tile in study.tiles if can_photograph(tile, scene.channels)] if several else [study.tile]
@@ -207,7 +216,7 @@ def render_crop(
     cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, (rows, columns))
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in names:
-        yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
+        yield name, method_of(name, study.networks).render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
 def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
@@ -266,3 +275,9 @@ def _stops(rgb: FloatArray) -> float:
     """Brightening for display, from the scene's own light."""
     bright = float(np.quantile(rgb.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     return min(max(log2(_BRIGHT / bright), 0.0), _MOST_STOPS) if bright > 0 else 0.0
+
+
+def _most_stops(balanced: FloatArray) -> float:
+    """Brightening with which a crop is not all white. balanced: its light (h, w, C), 1 = display white."""
+    bright = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
+    return max(log2(_CROP_BRIGHT / bright), -_MOST_STOPS) if bright > 0 else _MOST_STOPS

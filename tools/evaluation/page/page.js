@@ -28,7 +28,9 @@ for (const tabs of all(".tabs")) {
 for (const legend of all(".legend")) {
   legend.hidden = false;
   legend.addEventListener("change", (event) => {
-    for (const line of all(`[data-series="${event.target.value}"]`, legend.parentElement)) line.classList.toggle("off", !event.target.checked);
+    for (const line of all("[data-series]", legend.parentElement)) {
+      if (line.dataset.series === event.target.value) line.classList.toggle("off", !event.target.checked);
+    }
   });
 }
 
@@ -40,7 +42,11 @@ for (const exhibit of all(".exhibit")) {
   const viewer = exhibit.querySelector(".viewer");
   const output = exhibit.querySelector("output");
   const show = (image, index) => { image.src = pictures[index].src; image.alt = pictures[index].alt; };
-  const update = () => { show(first, left.value); show(second, right.value); };
+  const update = () => {
+    show(first, left.value);
+    show(second, right.value);
+    for (const select of [left, right]) select.title = select.selectedOptions[0].text; // a long name may not fit
+  };
   const zoomTo = (zoom) => {
     viewer.style.setProperty("--zoom", zoom);
     output.textContent = `${zoom}×`;

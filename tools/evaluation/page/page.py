@@ -111,7 +111,7 @@ def _opened(exhibit: Exhibit) -> str:
     """Truth, our best and the best rival side by side."""
     pictures = "".join(
         f'<figure><img src="{_data(each)}" alt="{escape(each.name)}"><figcaption{css_class("ours" * each.ours)}>'
-        f"{escape(each.caption)}</figcaption></figure>"
+        f"{escape(each.title)}</figcaption></figure>"
         for each in (exhibit.pictures[0], *_beside(exhibit))
     )
     title = f"{capital(exhibit.crop.why)}: {exhibit.crop.scene.name}, {exhibit.crop.level.text}"
@@ -213,8 +213,8 @@ def _gallery_section(exhibits: Sequence[Exhibit]) -> str:
     return (
         f"<h2>Gallery</h2><p>{chosen} chosen by the figures, not by eye: where our best render gains most on the best "
         "rival of the scene, where it loses most, and where its error is largest. Choose two pictures, move the slider by finger, "
-        "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened.</p>"
-        + _exhibits(exhibits)
+        "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened, bright "
+        "squares darkened.</p>" + _exhibits(exhibits)
     )
 
 
@@ -229,11 +229,11 @@ def _exhibits(exhibits: Sequence[Exhibit]) -> str:
 def _exhibit(exhibit: Exhibit) -> str:
     """Two pictures of one place under a slider, chosen from a strip of all."""
     crop, (left, right) = exhibit.crop, exhibit.shown
-    brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
-    where = f"{crop.why}; {crop.place}{brighter}"
+    changed = "brightened" if exhibit.stops > 0 else "darkened"
+    where = f"{crop.why}; {crop.place}" + (f", {changed} by {abs(exhibit.stops):.1f} stops" if exhibit.stops else "")
     strip = "".join(
         f'<li{css_class("ours" * each.ours)}><button type="button" title="show on the right side"><img src="{_data(each)}" '
-        f'alt="{escape(each.name)}" width="{crop.width}" height="{crop.height}">{escape(each.caption)}</button></li>'
+        f'alt="{escape(each.name)}" width="{crop.width}" height="{crop.height}">{escape(each.title)}</button></li>'
         for each in exhibit.pictures
     )
     return Template(_read("exhibit.html")).substitute(
@@ -248,7 +248,7 @@ def _exhibit(exhibit: Exhibit) -> str:
 
 def _options(pictures: Iterable[Rendered], chosen: int) -> str:
     return "".join(
-        f'<option value="{place}"{" selected" * (place == chosen)}>{escape(each.caption)}</option>'
+        f'<option value="{place}"{" selected" * (place == chosen)}>{escape(each.title)}</option>'
         for place, each in enumerate(pictures)
     )
 

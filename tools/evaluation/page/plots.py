@@ -49,7 +49,7 @@ def noise_plots(group: SetFigures) -> str:
     lines = lines_of(group)
     plots = "".join(_plot(group, plane, title, lines) for plane, title in zip(PLANES, TITLES, strict=True))
     boxes = "".join(
-        f'<label style="--line:{each.colour}"><input type="checkbox" value="{each.name}"{" checked" * each.shown}>'
+        f'<label style="--line:{each.colour}"><input type="checkbox" value="{escape(each.name)}"{" checked" * each.shown}>'
         f'<span class="swatch{" dashed" * each.dashed}"></span>{escape(each.title)}</label>'
         for each in lines
     )
@@ -57,11 +57,11 @@ def noise_plots(group: SetFigures) -> str:
 
 
 def lines_of(group: SetFigures) -> list[Line]:
-    """The methods of a study. Drawn at first, the first three with bands: ours, the paper's rival, the best rivals."""
+    """The methods of a study. Drawn at first, the first three with bands: ours, the paper's rival, the best rivals, the paper's."""
     study = group.study
     winners = [margin.rival for level in study.levels if (margin := group.margin(level))]  # in most noise first
     papers = [name for name in ("dlmmse", "menon", "bilinear") if name in study.rivals][:1]
-    shown = list(dict.fromkeys([*filter(None, [study.ours]), *papers, *winners[-1:], *winners]))
+    shown = list(dict.fromkeys([*filter(None, [study.ours]), *papers, *winners[-1:], *winners, "paper"]))
     ours = sorted((name for name in study.methods if methods()[name].ours), key=lambda name: name != study.ours)
     others = [name for name in study.methods if name not in (*ours, *study.rivals)]
     found = {}
@@ -102,7 +102,7 @@ def _quartiles(group: SetFigures, plane: str, name: str) -> list[list[float] | N
 def _draw(plot: Plot, line: Line, points: Iterable[tuple[float, list[float] | None, Protocol]]) -> None:
     known = [(x, quartiles, level.tick) for x, quartiles, level in points if quartiles]
     off = "" if line.shown else " off"
-    plot.add(f'<g class="series{off}" data-series="{line.name}" style="--line:{line.colour}">')
+    plot.add(f'<g class="series{off}" data-series="{escape(line.name)}" style="--line:{line.colour}">')
     if len(known) > 1:
         lower, middle, upper = ([(x, quartiles[each]) for x, quartiles, _ in known] for each in range(3))
         if line.band:

@@ -6,6 +6,8 @@ filters, their packing, their code for light, white balance and the noise. None 
 
 import hashlib
 import json
+import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -27,8 +29,11 @@ _FORMS = "quads", "sparse", "mosaic"
 _ROWS = 256  # of a piece
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
 _LARGEST = 1 << 30  # bytes of a file
+# Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key "location", value below 128 bytes.
+_BESIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
 _DARK = 1e-3  # share of white: nearer to black the code is so steep that no network knows the noise there
 ENDING = ".onnx"
+CHANGED = "has changed since the evaluation began; run it again"
 
 
 @dataclass(frozen=True)
@@ -89,33 +94,39 @@ class Contract:
         return low, (1 + self.offset) ** (1 / self.gamma) - low
 
 
-@cache
 def network(path: str) -> Method:
-    """The method of a network. Raises InputError, which names the file that is missing or wrong and says what was expected."""
+    """Return the method of a network, whose name is that of its file and a digest of what is in it.
+
+    Raises InputError, which names the file that is missing or wrong and says what was expected.
+    """
     said = Path(path).with_suffix(".json")
-    try:
-        model = read_whole(path, _LARGEST, "a network")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    content = _content(path)
     try:
         text = read_text(said, _LARGEST, "a description of a network")
         contract = Contract(**json.loads(text))
     except (InputError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{said}: does not say how the network is fed: {error}") from error
+    version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
+    name = f"{Path(path).stem}-{version[:8]}"
     return Method(
-        path,
-        f"Bayer, {Path(path).stem}",
-        partial(_demosaicked, path, contract),
-        hashlib.sha256(model + text.encode()).hexdigest()[:16],
+        name,
+        f"Bayer, {name}",
+        partial(_demosaicked, path, content, contract),
+        version,
         balanced=contract.balanced,
         whole_shot=True,
         packages=("onnxruntime",),
         seconds=10,
+        file=path,
     )
 
 
-def _demosaicked(path: str, contract: Contract, shot: BayerShot, white: FloatArray) -> FloatArray:
-    """The network's picture, float32 (H, W, 3), scene units. white: what white reads, (3,). Raises InputError, naming the file."""
+def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray) -> FloatArray:
+    """The network's picture, float32 (H, W, 3), scene units. Raises InputError, naming the file.
+
+    content: what `_content` returned.
+    white: what white reads, (3,).
+    """
     from scipy.ndimage import gaussian_filter
 
     gain = white[channel_map(shot.samples.shape)]
@@ -125,7 +136,7 @@ def _demosaicked(path: str, contract: Contract, shot: BayerShot, white: FloatArr
     noise = gaussian_filter(deviation * contract.steepness(level / float(white.mean())), _AROUND)
 
     def run(codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
-        return _run(path, {name: _packed(each, codes, noise, filters) for name, each in contract.inputs.items()})
+        return _run(path, content, {name: _packed(each, codes, noise, filters) for name, each in contract.inputs.items()})
 
     try:
         picture = in_pieces((codes, noise), contract.order, contract.margin, run)
@@ -172,8 +183,8 @@ def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters:
     return np.ascontiguousarray(stacked[None, :, crop : stacked.shape[1] - crop, crop : stacked.shape[2] - crop])
 
 
-def _run(path: str, inputs: dict[str, FloatArray]) -> FloatArray:
-    network_ = _session(path)
+def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
+    network_ = _session(path, content)
     try:
         (found,) = network_.run(None, inputs)
         return np.asarray(found[0], np.float32).reshape(3, *found.shape[-2:])
@@ -182,7 +193,26 @@ def _run(path: str, inputs: dict[str, FloatArray]) -> FloatArray:
 
 
 @cache
-def _session(path: str) -> Any:
+def _session(path: str, content: str) -> Any:
+    """A session of the network, if its files are still those that `_content` digested."""
     from shared.runtime import session
 
-    return session(Path(path))
+    found = session(Path(path))
+    if _content(path) != content:
+        raise InputError(CHANGED)
+    return found
+
+
+def _content(path: str) -> str:
+    """A digest of a network's file, and of the files beside it that hold its weights. Raises InputError, which names the file."""
+    model = _read(path)
+    names = sorted({model[found.end() : found.end() + found[1][0]] for found in _BESIDE.finditer(model)})
+    parts = [model, *(_read(os.path.join(os.path.dirname(path), os.fsdecode(name))) for name in names)]  # noqa: PTH118, PTH120
+    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
+
+
+def _read(path: str) -> bytes:
+    try:
+        return read_whole(path, _LARGEST, "a network")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

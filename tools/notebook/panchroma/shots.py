@@ -133,8 +133,8 @@ def render(
 ) -> Picture:
     """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
 
-    The first render on a machine compiles the renderer, which takes a minute or two and is said on standard error; in a terminal,
-    `panchroma doctor --compile` does it ahead, on all processors.
+    The first render on a machine compiles the renderer, which takes about half a minute and is said on standard error; in a
+    terminal, `panchroma doctor --compile` does it ahead, on all processors.
 
     shot: a `Shot`, or the name of its file.
     preset: "best"; "unlearned": best without the network that corrects colour; "paper": the method as published; or settings of

@@ -104,6 +104,25 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     assert Reading().scene(study.scenes[0].source).rgb.max() < 0.06
 
 
+@pytest.mark.parametrize("tint", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.6)])
+def test_bright_squares_are_darkened(tmp_path: Path, tint: tuple[float, float, float]) -> None:
+    """A lit surface above display white, whatever white reads, in a scene that is dark elsewhere, is no white square."""
+    scene = 0.02 * small_scene(318, 342, 0)
+    scene[100:220, 100:220] = small_scene(120, 120, 1) * 0.5 + 1.0
+    np.save(tmp_path / "scene0.npy", (scene * np.array(tint)).astype(np.float32))
+    study = study_of(tmp_path, methods=("bilinear",), count=1)
+    study = replace(study, scenes=(replace(study.scenes[0], neutral=tint),))
+    bright, dark = (
+        render_exhibit(study, (Crop(study.scenes[0], study.levels[1], place, place, 96, 96, WHY_WORST), study.methods))
+        for place in (112, 16)
+    )
+    truth, other = (picture.pixels.astype(int) for picture in bright.pictures)
+    assert bright.stops < 0 == dark.stops
+    assert (truth == 255).all(axis=2).mean() < 0.1
+    assert np.ptp(truth) > 20
+    assert np.abs(truth - other).mean() > 1
+
+
 def test_a_square_is_shown_by_its_place_in_the_photograph(tmp_path: Path) -> None:
     study = large(tmp_path)
     middle = replace(study, scenes=(Reading(largest=150).info(study.scenes[0].source),))

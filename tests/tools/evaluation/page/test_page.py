@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.browser import Browser
-from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
+from tests.tools.evaluation.examples import KODAK, alone, measured, pair, study_of
 from tools.evaluation.figures import Figures
-from tools.evaluation.measures import PLANES
+from tools.evaluation.measures import PLANES, Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import WHY_AHEAD, WHY_BEHIND, render_gallery
 from tools.evaluation.page.page import _table, build_page
@@ -49,6 +49,13 @@ def test_no_two_methods_look_alike(tmp_path: Path) -> None:
     figure = group.figure(study.levels[1], "bilinear")
     for plane, found in zip(PLANES, dots, strict=True):
         assert found == tuple(f"{figure.values[f'{plane}_q{each}']:.1f}" for each in (50, 25, 75))
+
+
+def test_the_papers_method_is_drawn_at_first(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("best", "unlearned", "paper", "bilinear", "malvar", "dlmmse"))
+    (group,) = Figures(study, dict.fromkeys(study.cells(), Measures.of(*pair()))).sets
+    assert {line.name for line in lines_of(group) if line.shown} == {"best", "paper", "dlmmse", "bilinear"}
+    assert [line.name for line in lines_of(group) if line.band] == ["best", "bilinear", "dlmmse"]
 
 
 @contextmanager
@@ -113,6 +120,20 @@ def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> 
     before = browser.evaluate(wide)
     browser.evaluate("document.querySelector('#gallery .exhibit .zoom button[value=\"1\"]').click()")
     assert browser.evaluate(wide) > before
+
+
+@pytest.mark.parametrize("width", [1300, 1000, 400])
+def test_drop_downs_show_whole_names(tmp_path: Path, written: Path, width: int) -> None:
+    with showing(written, tmp_path, width, 800) as window:
+        script = """[...document.querySelectorAll('select')].map(select => {
+            const style = getComputedStyle(select), context = document.createElement('canvas').getContext('2d');
+            context.font = style.font;
+            const longest = Math.max(...[...select.options].map(option => context.measureText(option.text).width));
+            return select.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight) - 24 - longest;
+        })"""
+        assert min(window.evaluate(script)) > 0  # 24 pixels: the arrow
+        chosen = "[...document.querySelectorAll('select')].every(s => s.title === s.selectedOptions[0].text)"
+        assert window.evaluate(chosen) is True
 
 
 def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from onnx import TensorProto, helper, numpy_helper, save
+from onnx import TensorProto, helper, load, numpy_helper, save
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import sample_bayer
 from tools.camera.protocols.protocol import BayerShot
-from tools.evaluation.methods import choose, methods
+from tools.evaluation.methods import choose
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals.demosaicnet import METHODS, demosaic_demosaicnet
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
@@ -54,7 +54,7 @@ def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(tmp_path
         weights[channel, channel] = cross if channel == 1 else ring
     path = network(tmp_path, weights, 1, order=order, inputs={"x": {"form": "sparse"}})
     mosaic = sample_bayer(builtin_scene(340, 340).rgb[: shape[0], : shape[1]])
-    found = methods()[path].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
+    found = choose([path])[0].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
     np.testing.assert_allclose(found[2:-2, 2:-2], demosaic_bilinear(mosaic)[2:-2, 2:-2], atol=1e-5)
 
 
@@ -63,7 +63,7 @@ def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
     fed = {"x": {**QUADS["x"], "add": [-0.25, 0, 0, 0], "noise": True}}
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", gamma=2.2, offset=0.01, inputs=fed)
     rgb = np.broadcast_to(np.array([0.3, 0.5, 0.2], np.float32), (40, 44, 3))
-    found = methods()[path].function(BayerShot(sample_bayer(rgb), 0.0, 0.0), WHITE)
+    found = choose([path])[0].function(BayerShot(sample_bayer(rgb), 0.0, 0.0), WHITE)
     np.testing.assert_allclose(found[..., 1:], rgb[..., 1:], atol=1e-5)
     low, high = 0.01 ** (1 / 2.2), 1.01 ** (1 / 2.2)
     code = ((0.3 / 0.5 + 0.01) ** (1 / 2.2) - low) / (high - low) - 0.25
@@ -74,7 +74,7 @@ def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
 def test_noise_is_that_of_balanced_samples(tmp_path: Path, shot: float, read: float) -> None:
     path = of_quads(tmp_path, [0, 0, 0, 0, 1], order="GRBG", inputs=QUADS)
     grey = np.full((40, 44), 0.25, np.float32)
-    found = methods()[path].function(BayerShot(grey, shot, read), np.ones(3, np.float32))[..., 0]
+    found = choose([path])[0].function(BayerShot(grey, shot, read), np.ones(3, np.float32))[..., 0]
     np.testing.assert_allclose(found, (shot * 0.25 + read**2) ** 0.5, rtol=1e-4)
 
 
@@ -92,7 +92,24 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
             choose([path])
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], inputs={"x": {"form": "sparse"}})
     with pytest.raises(InputError, match=r"mine\.onnx: does not take"):
-        methods()[path].function(BayerShot(np.ones((40, 40), np.float32), 0.0, 0.0), WHITE)
+        choose([path])[0].function(BayerShot(np.ones((40, 40), np.float32), 0.0, 0.0), WHITE)
+
+
+def test_weights_in_another_file_are_part_of_what_a_network_is(tmp_path: Path) -> None:
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
+    save(load(path), path, save_as_external_data=True, size_threshold=0, location="weights.bin")
+    method, weights = choose([path])[0], tmp_path / "weights.bin"
+    shot = BayerShot(np.ones((40, 44), np.float32), 0.0, 0.0)
+    before = weights.read_bytes()
+    weights.write_bytes(before[::-1])
+    assert choose([path])[0].name != method.name
+    with pytest.raises(InputError, match=r"mine\.onnx: has changed since"):
+        method.function(shot, WHITE)
+    weights.write_bytes(before)
+    assert method.function(shot, WHITE).shape == (40, 44, 3)
+    weights.unlink()
+    with pytest.raises(InputError, match=r"weights\.bin: there is no such file"):
+        choose([path])
 
 
 def scene(height: int, width: int) -> FloatArray:
