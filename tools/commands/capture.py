@@ -7,10 +7,11 @@ rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --w
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
-none is saved. SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
+or not all can be written, none is saved, and if the program is killed meanwhile, frame 1 is missing. SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
 """
 
 import argparse
+import resource
 from contextlib import closing
 
 from shared.errors import InputError, OutputError
@@ -23,6 +24,8 @@ from tools.live.source import FrameSource
 
 from .frame_options import add_source, source_of
 from .options import add, count, option
+
+_OTHER_FILES = 64  # that a command has open beside those of a burst
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +47,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = source_of(arguments)
     if arguments.burst:
-        _check_memory(arguments.burst, source)
+        _check_limits(arguments.burst, source)
     folder, how = output_folder(arguments.output), {name: getattr(arguments, name) for name in ("burst", "wait", "threads")}
     recorder = Recorder(source, folder, arguments.latest, **how)
     console.note(*source.notes)
@@ -81,12 +84,20 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return stopping.code or (FAILED if failed else 0)
 
 
-def _check_memory(frames: int, source: FrameSource) -> None:
-    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory."""
+def _check_limits(frames: int, source: FrameSource) -> None:
+    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory.
+
+    All files of a burst are open until the last is written: the system has a limit for these, too.
+    """
     layout = source.sensor.layout
     needed, free = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height), allowed_memory(None)
     if needed > free:
         raise InputError(
             f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need {format_bytes(needed)} of memory, "
             f"{format_bytes(free)} can be used; take fewer"
+        )
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
+        raise InputError(
+            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or raise that: ulimit -n {frames + _OTHER_FILES}"
         )
