@@ -25,11 +25,13 @@ class Saved:
     path: the DNG file.
     preview: seconds that the preview took.
     write: seconds that encoding and writing the file took beyond that.
+    is_checked: see `RawFrame`.
     """
 
     path: Path
     preview: float
     write: float
+    is_checked: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
         picture = preview(mosaic)
         made = perf_counter()
         path = shots.save(mosaic, picture, frame.taken)
-        yield Saved(path, made - started, perf_counter() - made)
+        yield Saved(path, made - started, perf_counter() - made, frame.is_checked)
 
 
 def capture_burst(

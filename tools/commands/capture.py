@@ -7,18 +7,21 @@ rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --w
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
-or not all can be written, none is saved, and if the program is killed meanwhile, frame 1 is missing. SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
+or one cannot be written, none is saved. A stream that loses bytes on its way ends the command with exit code 1. SIGINT and SIGTERM
+end it after the current file (exit codes 130 and 0).
 """
 
 import argparse
 import resource
 from contextlib import closing
 
+from device.capture.checks.slip_check import SlippedError
 from shared.errors import InputError, OutputError
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
+from tools.live.doubtful import DoubtfulShots
 from tools.live.recorder import Recorder
 from tools.live.source import FrameSource
 
@@ -52,6 +55,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     recorder = Recorder(source, folder, arguments.latest, **how)
     console.note(*source.notes)
     saved = failed = 0
+    doubtful = DoubtfulShots()
 
     def refused(reason: object) -> None:
         nonlocal failed
@@ -63,6 +67,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         try:
             for shot in recorder.saved(stopping, refused, console.note):
                 saved += 1
+                doubtful.add(shot)
                 preview, write, dropped = shot.preview * 1e3, shot.write * 1e3, recorder.dropped
                 console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
                 facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1), "dropped": dropped}
@@ -74,6 +79,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(error)
+            if isinstance(error, SlippedError):
+                console.note(*doubtful.remarks())
         incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)
@@ -99,5 +106,6 @@ def _check_limits(frames: int, source: FrameSource) -> None:
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
         raise InputError(
-            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or raise that: ulimit -n {frames + _OTHER_FILES}"
+            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or allow more: "
+            f"ulimit -n {frames + _OTHER_FILES}"
         )

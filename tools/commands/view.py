@@ -2,7 +2,8 @@
 
 SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
 can, and with -o they can save shots too. The preview in a shot is the picture that is shown; --scale 1 makes it a full one, and
-`panchroma preview` makes one of any shot later. The command ends with exit code 1 when the camera does. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
+`panchroma preview` makes one of any shot later. The command ends with exit code 1 when the camera ends or its stream loses bytes,
+and after the current shot at SIGINT and SIGTERM (exit codes 130 and 0).
 """
 
 import argparse
@@ -10,6 +11,7 @@ import re
 import threading
 from contextlib import closing
 
+from device.capture.checks.slip_check import SlippedError
 from shared.errors import InputError
 from tools.host.console import Console, fault
 from tools.host.jobs import FAILED, output_folder
@@ -19,7 +21,6 @@ from tools.live.viewfinder import LiveView
 
 from .frame_options import add_source, source_of
 from .options import add, option, value
-
 
 _host_name = value(str.lower, "a name such as camera.example.org", re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII).fullmatch)
 
@@ -61,6 +62,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             view.show(stopping, refused, console.note)
         except InputError as error:  # the camera ended, or its stream broke off
             refused(error)
+            if isinstance(error, SlippedError):
+                console.note(*view.finder.doubtful.remarks())
         finally:
             view.finder.close()
             server.shutdown()

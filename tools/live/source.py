@@ -109,7 +109,7 @@ class FrameSource:
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
         """The frames; note: called when the first of them do not show whether the description is right, or none comes."""
         raw = self.opened(stopped, refused, note)
-        return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
+        return checked(raw, self.sensor, note, covered=self.covered, refused=refused) if self.checks else raw
 
 
 def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:

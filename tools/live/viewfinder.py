@@ -29,6 +29,7 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError
 
+from .doubtful import DoubtfulShots
 from .source import FrameSource, Refused, Stopped, preview_maker
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
@@ -53,6 +54,7 @@ class View:
     clipped: part of its samples at the white level, 0 to 1.
     mosaic: the frame that it shows.
     taken: when that was, with time zone.
+    is_checked: see `RawFrame`.
     """
 
     picture: ByteArray
@@ -62,6 +64,7 @@ class View:
     clipped: float
     mosaic: Mosaic
     taken: datetime
+    is_checked: bool = False
 
 
 class Viewfinder:
@@ -69,6 +72,7 @@ class Viewfinder:
 
     dropped: returns the number of frames that came too fast to be shown.
     shots: the folder in which `shoot` saves; None = shots cannot be saved.
+    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes.
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
@@ -80,25 +84,28 @@ class Viewfinder:
         self._begun = monotonic()
         self._shown: deque[float] = deque()  # times of pictures
         self._shooting = threading.Lock()
+        self.doubtful = DoubtfulShots()
 
     @property
     def folder(self) -> Path | None:
         """Where `shoot` saves."""
         return self._shots.path if self._shots else None
 
-    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float) -> None:
+    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float, *, is_checked: bool = False) -> None:
         """Make a picture the latest view.
 
         picture: preview of the mosaic, uint8 sRGB (h, w, 3).
         mosaic: the frame that it shows; `shoot` saves it.
-        taken, arrived: see `RawFrame`.
+        taken, arrived, is_checked: see `RawFrame`.
         """
         jpeg = _jpeg(picture)
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(picture, jpeg, number, now - arrived, clipped, mosaic, taken)
+            self._view = View(picture, jpeg, number, now - arrived, clipped, mosaic, taken, is_checked)
+            if is_checked:
+                self.doubtful.clear()
             self._shown.append(now)
             while len(self._shown) > _LEAST_SHOWN and self._shown[0] < now - _SPAN:
                 self._shown.popleft()
@@ -152,7 +159,9 @@ class Viewfinder:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
             started = perf_counter()
             path = self._shots.save(view.mosaic, view.picture, view.taken)
-            return Saved(path, 0.0, perf_counter() - started)  # the preview was there already
+            shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)  # the preview was there already
+            self.doubtful.add(shot)
+            return shot
 
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""
@@ -221,12 +230,13 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
                 return False
             try:
                 mosaic = balance(sensor.mosaic(frame))
-                taken, arrived = frame.taken, frame.arrived
+                facts = frame.taken, frame.arrived
+                is_checked = frame.is_checked
                 del frame  # its bytes; only the mosaic is needed now
                 _go_on(held, previewing)
                 picture = preview(mosaic)
                 _go_on(held, encoding)
-                finder.show(picture, mosaic, taken, arrived)
+                finder.show(picture, mosaic, *facts, is_checked=is_checked)
             except InputError as error:
                 refused(error)
         return True

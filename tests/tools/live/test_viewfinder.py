@@ -149,7 +149,7 @@ def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: py
         return grey(mosaic)
 
     monkeypatch.setattr(viewfinder, "Lock", Restless)
-    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived, **_: shown.append(int(mosaic.codes[0, 0])))
     show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, preview, finder, refused.append)
     assert shown == seen == first
     assert refused == []
