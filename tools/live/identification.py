@@ -50,9 +50,11 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
 
     layout: the one in which they do not. A wrong one hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
     """
-    strides = [layout.stride, *likely_strides(data, layout.stride)[:_LIKELY]]
-    # Rows of scattered sites resemble those that are shifted by a pixel or two even more.
-    near = [stride + shift for stride in strides[1:] for shift in range(-_NEAR, _NEAR + 1) if shift and stride + shift > 0]
+    # Scattered sites repeat in every other row, too.
+    repeats = [part for stride in likely_strides(data, layout.stride)[:_LIKELY] for part in (stride, stride // 2)]
+    strides = list(dict.fromkeys([layout.stride, *repeats]))
+    # And rows resemble those that are shifted by a pixel or two even more.
+    near = [stride + shift for stride in repeats[:2] for shift in range(-_NEAR, _NEAR + 1) if shift and stride + shift > 0]
     best, advice = 0.0, ""
     for some in (strides, near):
         for name, stride, skipped in candidates(layout, some, FORMATS):

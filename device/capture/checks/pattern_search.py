@@ -161,21 +161,27 @@ def _are_elsewhere(flat: FloatArray, folded: DoubleArray, pattern: CfaPattern) -
         return None
     block = _block(pattern, pattern.period)
     explained, certainties = _explained(folded, block)
-    ours = tuple(np.transpose(places_alike(pattern)))
+    ours = tuple(np.transpose(places_alike(pattern, pattern.block_origin)))
     here, certain_here = float(explained[ours].max()), float(certainties[ours].max())
     explained[ours] = 0.0
     place = np.unravel_index(int(explained.argmax()), explained.shape)
     there, certain_there = float(explained[place]), float(certainties[place])
     if certain_here > _CERTAIN and here > _BETTER * there:
         return False
-    explained[tuple(np.transpose(_alike(block, (int(place[0]), int(place[1])))))] = 0.0
+    explained[tuple(np.transpose(places_alike(pattern, (int(place[0]), int(place[1])))))] = 0.0
     sure = certain_there > _CERTAIN * (1 + _FEW / len(flat)) and there > _PLAIN_ELSEWHERE * float(np.square(flat).mean())
     return True if sure and there > _BETTER * float(explained.max()) and there > _FAR * here else None
 
 
-def places_alike(pattern: CfaPattern) -> list[tuple[int, int]]:
-    """The place of a pattern, and all others at which its colour sites would be the same."""
-    return _alike(_block(pattern, pattern.period), pattern.block_origin)
+@lru_cache(maxsize=8)
+def _steps(pattern: CfaPattern) -> tuple[tuple[int, int], ...]:
+    """The steps by which colour sites can move and be where others were; (0, 0) is the first."""
+    return tuple(_alike(_block(pattern, pattern.period), (0, 0)))
+
+
+def places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
+    """`place`, and all others at which the colour sites would be the same."""
+    return [((place[0] + down) % pattern.period, (place[1] + right) % pattern.period) for down, right in _steps(pattern)]
 
 
 def _block(pattern: CfaPattern, period: int) -> DoubleArray:

@@ -71,7 +71,7 @@ class SlipCheck:
         if elsewhere is not False or not pattern.is_scattered:
             return elsewhere
         black, white = float(np.mean(self._calibration.black_level)), self._calibration.white_level
-        places = [((row - top) % pattern.period, column) for row, column in places_alike(pattern)]
+        places = [((row - top) % pattern.period, column) for row, column in places_alike(pattern, pattern.block_origin)]
         candidates = [replace(pattern, origin=place) for place in places]
         seen = alike(codes, candidates, black, white)
         self._has_colours |= seen == candidates[0]  # until then they may as well be described wrongly

@@ -4,7 +4,7 @@ import re
 import signal
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import pytest
 from shared import read_dng
 from tests.browser import Browser
 from tests.tools.command import ended, start
+from tests.tools.commands.test_capture import LINE, MOVING, moving
 from tests.tools.live.test_viewfinder import codes, pictures
 
 
@@ -67,6 +68,17 @@ def test_a_camera_that_ends_between_two_frames_is_told() -> None:
         os.close(writing)
         told = ended(process, code=1).err
     assert "the camera has ended after 2 pictures; start it again" in told
+
+
+def test_a_stream_that_slips_ends_it() -> None:
+    frames = moving(5)
+    reading, writing = os.pipe()
+    with viewing(*MOVING, source="-", stdin=reading) as (process, _):
+        os.close(reading)
+        with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
+            pipe.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
+        told = ended(process, code=1).err
+    assert "the stream has lost or gained bytes; start the camera again" in told
 
 
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
