@@ -15,7 +15,6 @@ import argparse
 import resource
 from contextlib import closing
 
-from device.capture.checks.slip_check import SlippedError
 from shared.errors import InputError, OutputError
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
@@ -79,8 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(error)
-            if isinstance(error, SlippedError):
-                console.note(*doubtful.remarks())
+            console.note(*doubtful.remarks(error))
         incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)

@@ -11,7 +11,6 @@ import re
 import threading
 from contextlib import closing
 
-from device.capture.checks.slip_check import SlippedError
 from shared.errors import InputError
 from tools.host.console import Console, fault
 from tools.host.jobs import FAILED, output_folder
@@ -62,8 +61,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             view.show(stopping, refused, console.note)
         except InputError as error:  # the camera ended, or its stream broke off
             refused(error)
-            if isinstance(error, SlippedError):
-                console.note(*view.finder.doubtful.remarks())
+            console.note(*view.finder.doubtful.remarks(error))
         finally:
             view.finder.close()
             server.shutdown()

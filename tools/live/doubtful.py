@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from device.capture import Saved
+from device.capture.checks.slip_check import SlippedError
 
 
 class DoubtfulShots:
@@ -23,9 +24,9 @@ class DoubtfulShots:
         """Forget all: a later frame is right."""
         self._first, self._count = None, 0
 
-    def remarks(self) -> list[str]:
-        """Which shots to look at, for the user; none if there are none."""
-        if self._first is None:
+    def remarks(self, error: Exception) -> list[str]:
+        """Which shots to look at, for the user, where this error ended the stream; none if there are none."""
+        if self._first is None or not isinstance(error, SlippedError):
             return []
         if self._count == 1:
             return [f"{self._first}: its last rows may be wrong; all shots before it are right"]

@@ -24,7 +24,7 @@ NOTHING = (
     "many colours in good light, not overexposed; the larger the frame the better"
 )
 _COLOURS = "RGB"
-_LIKELY, _NEAR = 2, 4  # strides at which rows repeat the most; bytes around them
+_LIKELY, _NEAR = 2, 2  # strides at which rows repeat the most; groups of samples by which they may be wrong
 
 
 def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
@@ -50,14 +50,15 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
 
     layout: the one in which they do not. A wrong one hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
     """
-    # Scattered sites repeat in every other row, too.
+    # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two resemble each other even more.
     repeats = [part for stride in likely_strides(data, layout.stride)[:_LIKELY] for part in (stride, stride // 2)]
-    strides = list(dict.fromkeys([layout.stride, *repeats]))
-    # And rows resemble those that are shifted by a pixel or two even more.
-    near = [stride + shift for stride in repeats[:2] for shift in range(-_NEAR, _NEAR + 1) if shift and stride + shift > 0]
+    tight = FrameLayout(layout.width, 1, layout.format).stride
+    strides = list(dict.fromkeys([layout.stride, tight, *repeats]))
+    reach = _NEAR * FORMATS[layout.format].length
+    near = [stride + shift for stride in repeats for shift in range(-reach, reach + 1) if shift and stride + shift > 0]
     best, advice = 0.0, ""
-    for some in (strides, near):
-        for name, stride, skipped in candidates(layout, some, FORMATS):
+    for readings in (candidates(layout, strides, FORMATS), ((layout.format, stride, 0) for stride in near)):
+        for name, stride, skipped in readings:
             found = identify(read_as(data, layout, name, stride, skipped))
             if found and found.name and found.certainty > best:
                 best, advice = found.certainty, _advice(layout, name, stride, skipped, found.name)

@@ -172,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not super().parse_request():
             return False
         if not (ours := _is_own(self.headers.get("Host", ""), self.server.hosts)):
-            advice = "ask for the camera by its address or its own name, or allow this one with --host"
+            advice = "ask for the camera by its address or its own name, or start `panchroma view --host NAME` with this one"
             self._refuse(HTTPStatus.MISDIRECTED_REQUEST, advice)
         return ours
 
