@@ -21,7 +21,8 @@ from tools.live.viewfinder import LiveView
 from .frame_options import add_source, source_of
 from .options import add, option, value
 
-_host_name = value(str.lower, "a name such as camera.example.org", re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII).fullmatch)
+_NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
+_host_name = value(str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name)))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

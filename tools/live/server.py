@@ -45,6 +45,7 @@ _PAUSE = 0.2  # seconds before a connection is accepted again where no descripto
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 _LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
 _STALL = 1.0  # seconds after which the last picture is sent a second time: Chromium shows the first of a stream only then
+_IGNORED = 4096  # bytes
 _FREED = 1.0  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
@@ -150,7 +151,7 @@ class _Handler(BaseHTTPRequestHandler):
                 elif self._has_left():
                     return
                 elif time.monotonic() > repeat:
-                    view, repeat = finder.after(0, 0), math.inf
+                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT  # proxies want to hear something
                 if view:
                     head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
                     # Send the boundary now, not before the next picture: browsers show a picture when they have read its end.
@@ -159,9 +160,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.seats.release()
 
     def _has_left(self) -> bool:
-        """Whether the client has closed the connection; it has nothing more to say."""
+        """Whether the client has closed the connection; whatever else it says is ignored."""
         readable, _, _ = select.select([self.connection], [], [], 0)
-        return bool(readable) and not self.connection.recv(1, socket.MSG_PEEK)
+        return bool(readable) and not self.connection.recv(_IGNORED)
 
     def parse_request(self) -> bool:
         """Read the request. Returns whether it is one, and addressed to this camera; if not, it has been answered with an error.

@@ -2,7 +2,8 @@
 
 The last rows of each frame are looked at, for whatever slipped before them has moved them; where they show no filters, rows from
 all over the frame. Of the bytes that hold a few samples, those with the lowest bits differ the most: they tell in the dark, too.
-Nothing is seen of whole periods of rows that are missing: then filters are where they belong, in a picture that is cut in two.
+Nothing is seen where filters are where they belong although the picture is cut in two: where whole periods of rows are missing and
+the height is a multiple of the period, or where a step leaves scattered colours at sites of one other colour each.
 """
 
 from dataclasses import replace
@@ -47,6 +48,8 @@ class SlipCheck:
 
         covered: the frame is dark, and its bytes alone are compared with those of the one before.
         """
+        if len(frame.data) != self._layout.frame_bytes:  # whoever reads it says so
+            return False
         top = self._layout.height - self._rows
         data = memoryview(frame.data)[top * self._layout.stride :]
         differences, shows = self._differences(data), covered

@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import resource
 import signal
 import subprocess
 import termios
@@ -239,6 +240,14 @@ def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> Non
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
     assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
+
+
+def test_a_burst_of_more_files_than_may_be_open_is_refused_before_it_is_taken(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 4096))
+    done = run("builtin:64x48@9", "-o", out, "--burst", "250", code=2)
+    assert "--burst is 250, and a program may open 256 files here; take fewer, or allow more: ulimit -n 314" in done.err
+    assert names(out.parent) == {out.name}
+    assert names(out) == set()
 
 
 def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> None:
