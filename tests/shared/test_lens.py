@@ -52,6 +52,21 @@ def test_files_keep_it(part: str, tmp_path: Path) -> None:
     assert getattr(Camera(BARE).calibrated(taken).calibration, part) == KNOWN[part]  # what the camera file does not know
 
 
+@pytest.mark.parametrize(
+    ("shape", "fits"),
+    [((600, 900), True), ((300, 450), True), ((1200, 1800), True), ((200, 299), True), ((600, 896), False), ((597, 900), False)],
+)
+@pytest.mark.parametrize("part", FIGURES)
+def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller(part: str, shape: tuple[int, int], fits: bool) -> None:
+    kind, figures = FIGURES[part]
+    fault = kind(**figures | {"size": (600, 900)})
+    if fits:
+        fault.check(shape)
+    else:
+        with pytest.raises(InputError, match="measured on frames of 900 x 600 pixels, and the frame has"):
+            fault.check(shape)
+
+
 @pytest.mark.parametrize("part", FIGURES)
 def test_it_is_of_one_sensor_and_its_document_is_checked(part: str) -> None:
     kind, figures = FIGURES[part]
