@@ -20,7 +20,6 @@ Number = TypeVar("Number", bound=np.floating)
 
 ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
-_STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
 _LARGEST = 1e4  # control point: those beyond the edges, of which little is seen, may be far from the gain
@@ -35,7 +34,7 @@ class Shading:
 
     gain: control points of uniform cubic B-splines over the frame: plane (the channels, then panchromatic), row, column; 4 to 32
         rows and columns. The gain itself is 0.05 to 64.
-    size: (rows, columns) of the frames that it was measured on; frames with other sides have to have the same ratio of sides.
+    size: (rows, columns) of the frames that it was measured on; other frames have to have the same ratio of sides, but for a pixel.
     focal_length: of the lens then, millimetres; None = unknown.
     residual: how far the flat frames are from it, beyond their noise: root mean square, as a share of the light.
     Raises InputError that names the field.
@@ -105,7 +104,9 @@ class Shading:
 
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
-        if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
+        # One frame can be the other made smaller if one scale gives both of its sides, but for a part of a pixel.
+        small, large = sorted((shape, self.size))
+        if small != large and max((small[i] - 1) / large[i] for i in (0, 1)) >= min((small[i] + 1) / large[i] for i in (0, 1)):
             raise InputError(
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
                 f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such frames, into a camera file of its own"

@@ -243,12 +243,14 @@ class RawFrame:
     taken: time of the frame, with time zone.
     arrived: time at which this program received it, on the monotonic clock, seconds.
     source: the file that it was read from; "" = none.
+    is_checked: it shows the filters where its description says: no byte was lost before it. False: it does not show that.
     """
 
     data: Bytes
     taken: datetime
     arrived: float
     source: str = ""
+    is_checked: bool = False
 
     @classmethod
     def now(cls, data: Bytes) -> "RawFrame":

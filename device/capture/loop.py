@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
@@ -26,11 +25,13 @@ class Saved:
     path: the DNG file.
     preview: seconds that the preview took.
     write: seconds that encoding and writing the file took beyond that.
+    is_checked: see `RawFrame`.
     """
 
     path: Path
     preview: float
     write: float
+    is_checked: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,11 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
         except InputError as error:
             yield Refused(frame.named(error))
             continue
-        yield _saved(mosaic, preview, partial(shots.save, taken=frame.taken))
+        started = perf_counter()
+        picture = preview(mosaic)
+        made = perf_counter()
+        path = shots.save(mosaic, picture, frame.taken)
+        yield Saved(path, made - started, perf_counter() - made, frame.is_checked)
 
 
 def capture_burst(
@@ -67,8 +72,9 @@ def capture_burst(
 ) -> Iterator[Saved | Refused]:
     """Take `count` frames as fast as they come, then save them under one name, and yield the outcome of each.
 
-    All of them are in memory before the first is saved. If fewer come, or one does not fit the sensor, none is saved, and the one
-    outcome is a `Refused`. White, where it is unknown, is estimated from the first frame for all.
+    All of them are in memory before the first is saved. If fewer come, one does not fit the sensor, or one cannot be written, none
+    is saved; in the first two cases the one outcome is a `Refused`. White, where it is unknown, is estimated from the first frame
+    for all.
 
     For the arguments and errors see `capture`.
     """
@@ -85,14 +91,18 @@ def capture_burst(
             yield Refused(f"{frame.named(error)}; none of the burst's {count} frames is saved")
             return
     white = SteadyWhite()(mosaics[0]).calibration
-    save = shots.burst(count, first)
-    for mosaic in mosaics:
-        yield _saved(mosaic.calibrated(white), preview, save)
+    seconds: list[float] = []  # that each preview took
 
+    def with_previews() -> Iterator[tuple[Mosaic, ByteArray]]:
+        seconds.clear()
+        for mosaic in mosaics:
+            balanced, started = mosaic.calibrated(white), perf_counter()
+            picture = preview(balanced)
+            seconds.append(perf_counter() - started)
+            yield balanced, picture
 
-def _saved(mosaic: Mosaic, preview: PreviewMaker, save: Callable[[Mosaic, ByteArray], Path]) -> Saved:
     started = perf_counter()
-    picture = preview(mosaic)
-    made = perf_counter()
-    path = save(mosaic, picture)
-    return Saved(path, made - started, perf_counter() - made)
+    paths = shots.burst(with_previews, count, first)
+    writing = (perf_counter() - started - sum(seconds)) / count
+    for path, previewing in zip(paths, seconds, strict=True):
+        yield Saved(path, previewing, writing)

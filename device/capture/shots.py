@@ -4,16 +4,19 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from datetime import UTC, datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 
-from shared import Mosaic, write_dng
+from shared import Mosaic
 from shared.arrays import ByteArray
+from shared.dng import encode_dng
 from shared.errors import InputError, OutputError
 from shared.series import frame_name
-from shared.writing import part_path, sweep
+from shared.writing import durable_file, part_path, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
@@ -48,43 +51,64 @@ class ShotFolder:
         picture: its preview, uint8 sRGB (h, w, 3).
         taken: time of the shot, with time zone.
         """
-        return self._series([""], taken)(mosaic, picture)
+        (path,) = self._save_together(lambda: [(mosaic, picture)], [""], taken)
+        return path
 
-    def burst(self, count: int, taken: datetime) -> Callable[[Mosaic, ByteArray], Path]:
-        """A function that saves the next frame of a burst: see `save`, which it takes the shot and its preview for.
+    def burst(self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], count: int, taken: datetime) -> list[Path]:
+        """Write all frames of a burst, or none, and return their paths; see `save`.
 
+        All files are complete on the disk before the first gets its name, and frame 1 gets its own last: whatever ends the program,
+        a burst that has a frame 1 is whole.
+
+        frames: called for the frames with their previews; called again if another camera takes the name meanwhile.
         count: number of frames.
         taken: time of the first one, which all their names have.
         """
-        return self._series([frame_name("", number, count) for number in range(1, count + 1)], taken)
+        return self._save_together(frames, [frame_name("", number, count) for number in range(1, count + 1)], taken)
 
-    def _series(self, endings: list[str], taken: datetime) -> Callable[[Mosaic, ByteArray], Path]:
-        """A function that saves the next of some shots with one TIME-COUNTER; their names end with `endings`."""
-        stem, left = self._stem(taken), list(endings)
-
-        def save(mosaic: Mosaic, picture: ByteArray) -> Path:
-            nonlocal stem
-            while True:
-                path = self.path / f"{stem}{left[0]}.dng"
-                try:
-                    write_dng(path, mosaic, picture)
-                    break
-                except OutputError as error:
-                    # The name is taken: another camera saves in the same folder. The first shot takes it for all.
-                    if len(left) < len(endings) or not isinstance(error.__cause__, FileExistsError):
-                        raise
-                    stem = self._stem(taken)
-            left.pop(0)
-            if self._latest is not None:
-                _point(self._latest, path)
-            return path
-
-        return save
+    def _save_together(
+        self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], endings: Sequence[str], taken: datetime
+    ) -> list[Path]:
+        """Save frames under one TIME-COUNTER; their names end with `endings`."""
+        while True:
+            stem = self._stem(taken)
+            paths = [self.path / f"{stem}{ending}.dng" for ending in endings]
+            try:
+                _write_together(paths, frames())
+                break
+            except OutputError as error:
+                if not isinstance(error.__cause__, FileExistsError):  # another camera saves in the same folder
+                    raise
+        if self._latest is not None:
+            _point(self._latest, paths[-1])
+        return paths
 
     def _stem(self, taken: datetime) -> str:
         """TIME-COUNTER with the next number of the counter."""
         time = taken.astimezone(UTC)
         return f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}"
+
+
+def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteArray]]) -> None:
+    """Write all files or none. They get their names in reverse order, as an ExitStack leaves its contexts."""
+    named: list[Path] = []
+    try:
+        with ExitStack() as stack:
+            for path, (mosaic, picture) in zip(paths, frames, strict=True):
+                stack.push(partial(_note_named, named, path))
+                file = stack.enter_context(durable_file(path))
+                file.write(encode_dng(mosaic, picture))
+                file.flush()
+                os.fsync(file.fileno())  # a full disk shows before any file has its name
+    except BaseException:
+        for path in named:
+            path.unlink(missing_ok=True)
+        raise
+
+
+def _note_named(named: list[Path], path: Path, error: type[BaseException] | None, *_: object) -> None:
+    if error is None:
+        named.append(path)
 
 
 def _check_link(link: Path) -> None:

@@ -49,6 +49,19 @@ def test_files_keep_it(part: str, tmp_path: Path) -> None:
     assert getattr(Camera(BARE).calibrated(taken).calibration, part) == KNOWN[part]  # what the camera file does not know
 
 
+@pytest.mark.parametrize(
+    ("shape", "fits"),
+    [((600, 900), True), ((300, 450), True), ((1200, 1800), True), ((200, 299), True), ((600, 896), False), ((597, 900), False)],
+)
+def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller(shape: tuple[int, int], fits: bool) -> None:
+    shading = Shading(**FIGURES | {"size": (600, 900)})
+    if fits:
+        shading.check(shape)
+    else:
+        with pytest.raises(InputError, match="measured on frames of 900 x 600 pixels, and the frame has"):
+            shading.check(shape)
+
+
 def test_an_aberration_of_earlier_versions_is_ignored_with_a_remark_and_stays_in_files() -> None:
     calibration = SensorCalibration.from_json({**BARE.to_json(), "aberration": DOCUMENT})
     assert calibration.to_json()["aberration"] == DOCUMENT

@@ -7,10 +7,12 @@ rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --w
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
-none is saved. SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
+or one cannot be written, none is saved. A stream that loses bytes on its way ends the command with exit code 1. SIGINT and SIGTERM
+end it after the current file (exit codes 130 and 0).
 """
 
 import argparse
+import resource
 from contextlib import closing
 
 from shared.errors import InputError, OutputError
@@ -18,11 +20,14 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
+from tools.live.doubtful import DoubtfulShots
 from tools.live.recorder import Recorder
 from tools.live.source import FrameSource
 
 from .frame_options import add_source, source_of
 from .options import add, count, option
+
+_OTHER_FILES = 64  # that a command has open beside those of a burst
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,11 +49,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = source_of(arguments)
     if arguments.burst:
-        _check_memory(arguments.burst, source)
+        _check_limits(arguments.burst, source)
     folder, how = output_folder(arguments.output), {name: getattr(arguments, name) for name in ("burst", "wait", "threads")}
     recorder = Recorder(source, folder, arguments.latest, **how)
     console.note(*source.notes)
     saved = failed = 0
+    doubtful = DoubtfulShots()
 
     def refused(reason: object) -> None:
         nonlocal failed
@@ -60,6 +66,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         try:
             for shot in recorder.saved(stopping, refused, console.note):
                 saved += 1
+                doubtful.add(shot)
                 preview, write, dropped = shot.preview * 1e3, shot.write * 1e3, recorder.dropped
                 console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
                 facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1), "dropped": dropped}
@@ -71,6 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(error)
+            console.note(*doubtful.remarks(error))
         incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)
@@ -81,12 +89,21 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return stopping.code or (FAILED if failed else 0)
 
 
-def _check_memory(frames: int, source: FrameSource) -> None:
-    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory."""
+def _check_limits(frames: int, source: FrameSource) -> None:
+    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory.
+
+    All files of a burst are open until the last is written: the system has a limit for these, too.
+    """
     layout = source.sensor.layout
     needed, free = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height), allowed_memory(None)
     if needed > free:
         raise InputError(
             f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need {format_bytes(needed)} of memory, "
             f"{format_bytes(free)} can be used; take fewer"
+        )
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
+        raise InputError(
+            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or allow more: "
+            f"ulimit -n {frames + _OTHER_FILES}"
         )

@@ -20,7 +20,7 @@ from tools.host.console import Console
 from tools.host.folders import Source, plan
 from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
-from tools.live.identification import facts_of, first_frame
+from tools.live.identification import facts_of, first_frame, likely_reading
 from tools.live.source import STREAM, SourceOptions
 from tools.pictures.illustrations import tile_map
 from tools.scenes.camera_raw import NO_RAW
@@ -46,17 +46,26 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         given = SourceOptions(job.source, **{name: getattr(arguments, name) for name in LAYOUT})
         described = given != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
-        codes = first_frame(given) if described else _in_file(job.source, arguments.max_pixels)
+        data, layout = first_frame(given) if described else (b"", None)
+        codes = layout.unpack(data) if layout else _in_file(job.source, arguments.max_pixels)
+
+        def likely() -> str:
+            return "; " + (likely_reading(data, layout) or hint) if layout else ""
+
         try:
             facts = facts_of(codes)
         except InputError as error:
-            raise InputError(f"{error}{hint and '; '}{hint}") from None
+            raise InputError(f"{error}{likely()}") from None
+        errors = []
+        if facts["name"] is None:
+            own = "the tile has no name that Panchroma knows; it may be right for a sensor with a tile of its own"
+            errors.append(f"{job.source}: {own}{likely()}")
         rows = _rows(facts, hint)
         if job.outputs:
             write_durably(job.output, tile_map(facts["letters"], np.array(facts["light"])), overwrite=arguments.overwrite)
             facts["output"] = str(job.output)
             rows.append(("picture", facts["output"]))
-        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)))
+        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)), tuple(errors))
 
     jobs = [Job(name) for name in arguments.files]
     if arguments.output is not None:

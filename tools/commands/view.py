@@ -2,10 +2,12 @@
 
 SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
 can, and with -o they can save shots too. The preview in a shot is the picture that is shown; --scale 1 makes it a full one, and
-`panchroma preview` makes one of any shot later. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
+`panchroma preview` makes one of any shot later. The command ends with exit code 1 when the camera ends or its stream loses bytes,
+and after the current shot at SIGINT and SIGTERM (exit codes 130 and 0).
 """
 
 import argparse
+import re
 import threading
 from contextlib import closing
 
@@ -17,7 +19,10 @@ from tools.live.server import ViewfinderServer
 from tools.live.viewfinder import LiveView
 
 from .frame_options import add_source, source_of
-from .options import add, option
+from .options import add, option, value
+
+_NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
+_host_name = value(str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name)))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "-o --output DIR", "folder for shots, created if missing; without it there is no button")
     option(parser, "--bind ADDRESS", "network interface that serves the page", default="127.0.0.1")
     option(parser, "--port PORT", "port of the page; 0 takes any free one", type=int, default=8000)
+    name = (
+        "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
+    )
+    option(parser, "--host NAME", name, type=_host_name, action="append", default=[])
     add(parser, "scale", "latest", "threads", of=" of the preview")
 
 
@@ -45,14 +54,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
 
     address = arguments.bind, arguments.port
-    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error)))
+    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error)), arguments.host)
     with closing(source), Stopping() as stopping, page as server:
         threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")
         try:
             view.show(stopping, refused, console.note)
-        except InputError as error:  # the stream broke off
+        except InputError as error:  # the camera ended, or its stream broke off
             refused(error)
+            console.note(*view.finder.doubtful.remarks(error))
         finally:
             view.finder.close()
             server.shutdown()

@@ -154,11 +154,11 @@ class Cluster:
 
     def _check_workers(self) -> None:
         """Wait until there are workers, with a note to the user, and ask each what it runs."""
-        command = f"dask worker --nthreads 1 --host ADDRESS {self._address}"
+        command = f"`dask worker --nthreads 1 --host ADDRESS {self._address}`"
         while not self._client.nthreads():
             if self._client.status != "running":
                 raise RuntimeError(self._client.status)
-            self._note(f"waiting for workers of {self._address}: start one per core with `{command}` (ADDRESS: the worker's own)")
+            self._note(f"waiting for workers of {self._address}: start one per core with {command} (ADDRESS: the worker's own)")
             raise_lost_signal()
             time.sleep(_POLL)
         answers = self._client.run(program, on_error="return").items()

@@ -23,7 +23,7 @@ _INSTALL = (
     "apt-get install gir1.2-aravis-0.8 python3-gi (and make the virtual environment with the system's own Python: /usr/bin/python3)"
 )
 _BUFFERS = 4  # frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it is there
-_SILENCE = 10.0  # seconds without a frame; the longest exposures of such cameras are as long
+_SILENCE = 10.0  # seconds without a frame, beside the exposure
 _POLL = 100_000  # microseconds between two looks at whether to stop
 _MICROSECONDS = 1e6  # GenICam counts the exposure in them
 SETTINGS = {"exposure_time": ("exposure_time", _MICROSECONDS), "gain": ("gain", 1.0), "fps": ("frame_rate", 1.0)}
@@ -84,23 +84,24 @@ class GenicamCamera:
     def frames(self, stopped: Callable[[], bool], note: Callable[[str], None]) -> Iterator[RawFrame]:
         """Yield the frames that arrive whole, until `stopped` returns True. Raises InputError when the camera is lost.
 
-        note: called once, if none arrives for ten seconds.
+        note: called once, if none arrives for ten seconds and the exposure.
         """
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
             for _ in range(_BUFFERS):
                 self._stream.push_buffer(self._aravis.Buffer.new_allocate(self._camera.get_payload()))
             self._camera.start_acquisition()
-        whole, patience = 0, monotonic() + _SILENCE
+        quiet = _SILENCE + (self.metadata.exposure_time or 0.0)
+        whole, patience = 0, monotonic() + quiet
         while not (stopped() or self._closed.is_set()):
             frame = self._next()
             if frame is not None:
-                whole, patience = whole + 1, monotonic() + _SILENCE
+                whole, patience = whole + 1, monotonic() + quiet
                 yield frame
             elif monotonic() > patience and not self._gone.is_set():
                 lost, patience = f"{self._incomplete} incomplete ones" if self._incomplete else "none at all", float("inf")
                 reason = "does it wait for a trigger, or does a firewall or a slow network keep frames back?"
-                note(f"{self._source}: no whole frame for {_SILENCE:.0f} seconds, {lost}: {reason}")
+                note(f"{self._source}: no whole frame for {quiet:.0f} seconds, {lost}: {reason}")
             elif self._gone.is_set():
                 reason = "it was unplugged, has no power, or another program has taken it"
                 raise InputError(f"{self._source}: the camera is gone after {whole} whole frames: {reason}")

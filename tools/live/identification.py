@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from device.capture import identify
-from device.capture.frames import read_frames
+from device.capture.checks.layout_search import candidates, likely_strides, read_as
+from device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
 from device.capture.identification import DENSE, UNKNOWN, pattern_of
 from shared.arrays import CodeArray
 from shared.errors import InputError
@@ -23,10 +24,11 @@ NOTHING = (
     "many colours in good light, not overexposed; the larger the frame the better"
 )
 _COLOURS = "RGB"
+_LIKELY, _NEAR = 2, 2  # strides at which rows repeat the most; groups of samples by which they may be wrong
 
 
-def first_frame(given: SourceOptions) -> CodeArray:
-    """The samples of the first frame in a file or stream that is described.
+def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
+    """The bytes of the first frame in a file or stream that is described, and their layout.
 
     Raises InputError for what cannot be read, and for a description that does not fit.
     """
@@ -34,11 +36,48 @@ def first_frame(given: SourceOptions) -> CodeArray:
     if given.source == STREAM:
         recording()
         with standard_input() as stream:
-            return layout.unpack(next(read_frames(stream, layout)).data)
+            return next(read_frames(stream, layout)).data, layout
     with opened_file(given.source, sys.maxsize, "a raw frame") as file:
         layout.check_recording(file.seek(0, os.SEEK_END))
         file.seek(0)
-        return layout.unpack(file.read(layout.frame_bytes))
+        data = file.read(layout.frame_bytes)
+    layout.unpack(data)  # raises InputError
+    return data, layout
+
+
+def likely_reading(data: Bytes, layout: FrameLayout) -> str:
+    """The options with which the bytes of a frame show a tile that has a name, and that name; "" if there are none.
+
+    layout: the one in which they do not. A wrong one hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
+    """
+    # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two resemble each other even more.
+    repeats = [part for stride in likely_strides(data, layout.stride)[:_LIKELY] for part in (stride, stride // 2)]
+    tight = FrameLayout(layout.width, 1, layout.format).stride
+    strides = list(dict.fromkeys([layout.stride, tight, *repeats]))
+    reach = _NEAR * FORMATS[layout.format].length
+    near = [stride + shift for stride in repeats for shift in range(-reach, reach + 1) if shift and stride + shift > 0]
+    best, advice = 0.0, ""
+    for readings in (candidates(layout, strides, FORMATS), ((layout.format, stride, 0) for stride in near)):
+        for name, stride, skipped in readings:
+            found = identify(read_as(data, layout, name, stride, skipped))
+            if found and found.name and found.certainty > best:
+                best, advice = found.certainty, _advice(layout, name, stride, skipped, found.name)
+        if advice:
+            break
+    return advice
+
+
+def _advice(layout: FrameLayout, name: str, stride: int, skipped: int, tile: str) -> str:
+    packing = FORMATS[name]
+    width = stride // packing.length * packing.pixels
+    options = [f"`pixel_format={name}`"] if name != layout.format else []
+    if stride != FrameLayout(min(layout.width, width), 1, name, layout.stride if name == layout.format else 0).stride:
+        options.append(f"`stride={stride}`")
+    if width < layout.width:
+        options.append(f"`width={width}` or less")
+    if skipped:
+        options.append(f"a stream without {skipped} bytes (or whole groups of samples more) before the first sample")
+    return f"likely {' '.join(options)}, which shows the tile {tile}"
 
 
 def facts_of(codes: CodeArray) -> dict[str, Any]:

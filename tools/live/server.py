@@ -2,12 +2,15 @@
 
 import ipaddress
 import json
+import math
 import os
+import select
 import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
+from contextlib import suppress
 from functools import cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
@@ -40,6 +43,10 @@ _BOUNDARY = "frame"
 _VIEWERS = 8
 _PAUSE = 0.2  # seconds before a connection is accepted again where no descriptor is free
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
+_LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
+_STALL = 1.0  # seconds after which the last picture is sent a second time: Chromium shows the first of a stream only then
+_IGNORED = 4096  # bytes
+_FREED = 1.0  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
@@ -49,6 +56,7 @@ class ViewfinderServer(ThreadingTCPServer):
     address: (host, port); port 0 takes any free port.
     finder: the viewfinder.
     report: called with each error that is not a client's; they end one answer, not the server.
+    hosts: names under which browsers may ask for the page, beside addresses and the machine's own names.
     Raises InputError if the host is not an IP address, OutputError if the port cannot be used.
     """
 
@@ -56,8 +64,11 @@ class ViewfinderServer(ThreadingTCPServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, address: tuple[str, int], finder: Viewfinder, report: Callable[[BaseException], None]) -> None:
+    def __init__(
+        self, address: tuple[str, int], finder: Viewfinder, report: Callable[[BaseException], None], hosts: Iterable[str] = ()
+    ) -> None:
         self.finder, self._report = finder, report
+        self.hosts = frozenset(map(_plain_name, hosts))
         _page()  # read while descriptors are free
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
@@ -109,7 +120,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")
-        if origin is not None and origin != f"http://{self.headers['Host']}":
+        # A proxy may speak TLS and pass another Host on: then the page's own name is one of those that were allowed.
+        allowed = origin is None or origin == f"http://{self.headers['Host']}" or _host_of(origin) in self.server.hosts
+        if not allowed:
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
@@ -124,21 +137,32 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer({"file": shot.path.name, "write_ms": 1e3 * shot.write})
 
     def _stream(self) -> None:
-        if not self.server.seats.acquire(blocking=False):
+        if not self.server.seats.acquire(timeout=_FREED):
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"{_VIEWERS} people look through this camera already")
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
             self._head(HTTPStatus.OK, f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
             self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
-            number = 0
-            while (view := self.server.finder.after(number)) is not None:
-                number = view.number
-                head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
-                # Send the boundary now, not before the next picture: browsers show a picture when they have read its end.
-                self.wfile.write(head.encode() + view.jpeg + f"\r\n--{_BOUNDARY}\r\n".encode())
+            number, repeat, finder = 0, math.inf, self.server.finder  # repeat: when the last picture is sent again
+            while not finder.closed:
+                if view := finder.after(number, _LOOK):
+                    number, repeat = view.number, time.monotonic() + _STALL
+                elif self._has_left():
+                    return
+                elif time.monotonic() > repeat:
+                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT  # proxies want to hear something
+                if view:
+                    head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
+                    # Send the boundary now, not before the next picture: browsers show a picture when they have read its end.
+                    self.wfile.write(head.encode() + view.jpeg + f"\r\n--{_BOUNDARY}\r\n".encode())
         finally:
             self.server.seats.release()
+
+    def _has_left(self) -> bool:
+        """Whether the client has closed the connection; whatever else it says is ignored."""
+        readable, _, _ = select.select([self.connection], [], [], 0)
+        return bool(readable) and not self.connection.recv(_IGNORED)
 
     def parse_request(self) -> bool:
         """Read the request. Returns whether it is one, and addressed to this camera; if not, it has been answered with an error.
@@ -148,8 +172,9 @@ class _Handler(BaseHTTPRequestHandler):
         """
         if not super().parse_request():
             return False
-        if not (ours := _is_own(self.headers.get("Host", ""))):
-            self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "ask for the camera by its address, or by its own name")
+        if not (ours := _is_own(self.headers.get("Host", ""), self.server.hosts)):
+            advice = "ask for the camera by its address or its own name, or start `panchroma view --host NAME` with this one"
+            self._refuse(HTTPStatus.MISDIRECTED_REQUEST, advice)
         return ours
 
     def _refuse(self, status: HTTPStatus, reason: str) -> None:
@@ -179,14 +204,24 @@ class _Handler(BaseHTTPRequestHandler):
         """Log nothing: there are thousands of status requests."""
 
 
-def _is_own(host: str) -> bool:
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
-        if name not in _own_names():
-            ipaddress.ip_address(name)  # raises ValueError for any other name
-    except ValueError:
+def _is_own(host: str, allowed: Container[str]) -> bool:
+    """Whether a Host header has an IP address, one of the allowed names, or the machine's own."""
+    if not (name := _host_of(f"//{host}")):
         return False
-    return True
+    with suppress(ValueError):
+        return bool(ipaddress.ip_address(name))
+    return name in allowed or name in _own_names() or name == _full_name()
+
+
+def _host_of(url: str) -> str:
+    """The plain name, or address, of the host in a URL; "" if there is none."""
+    with suppress(ValueError):
+        return _plain_name(urlsplit(url).hostname or "")
+    return ""
+
+
+def _plain_name(name: str) -> str:
+    return name.lower().removesuffix(".")
 
 
 @cache
@@ -197,4 +232,11 @@ def _page() -> dict[str, bytes]:
 @cache
 def _own_names() -> frozenset[str]:
     name = socket.gethostname().lower()
-    return frozenset({"localhost", name, f"{name.partition('.')[0]}.local"})  # .local: the name in multicast DNS
+    short = name.partition(".")[0]
+    return frozenset({"localhost", name, short, f"{short}.local"})  # .local: the name in multicast DNS
+
+
+@cache
+def _full_name() -> str:
+    """The machine's name with its domain, for those who ask by it. Without a network the answer takes a while."""
+    return _plain_name(socket.getfqdn())

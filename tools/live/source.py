@@ -109,7 +109,7 @@ class FrameSource:
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
         """The frames; note: called when the first of them do not show whether the description is right, or none comes."""
         raw = self.opened(stopped, refused, note)
-        return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
+        return checked(raw, self.sensor, note, covered=self.covered, refused=refused) if self.checks else raw
 
 
 def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
@@ -237,6 +237,23 @@ def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
     return FrameLayout(width, height, name, given.stride), bits
 
 
+def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None:
+    """Raise InputError unless frames have the size of those that the camera file was made with: its maps are for these alone."""
+    if camera is None:
+        return
+    shape, known = (layout.height, layout.width), camera.calibration
+    size = camera.size or next((part.size for part in known.lens), None)
+    least = tuple(max(places, default=0) + 1 for places in zip(*known.defects, strict=True)) if known.defects else (0, 0)
+    if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
+        return
+    (rows, columns), words = (size, "") if size else (least, " or more")
+    raise InputError(
+        f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera file {columns} x {rows}{words}; "
+        "give the right `width`, `height` and `stride`, or, if this is a window of the sensor or another mode of it, measure a "
+        'camera file for it, or take a copy of this one without "size", "shading", "aberration" and "defects"'
+    )
+
+
 def _described(
     given: SourceOptions, layout: FrameLayout, bits: int, camera: Camera | None, pattern: CfaPattern
 ) -> tuple[Sensor, tuple[str, ...]]:
@@ -245,6 +262,7 @@ def _described(
         for said in ("sensor_bits", "black"):
             if getattr(given, said) is not None:
                 raise InputError(f"`{said}` does not go with `camera`: the camera file says it")
+        _check_size(given.source, camera, layout)
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     bits, gamma = given.sensor_bits or bits, usual_gamma(pattern)
@@ -268,8 +286,9 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
         calibration = built_in_sensor(pattern, camera)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
-
+    layout = FrameLayout(int(found[1]), int(found[2]), "u16")
+    _check_size(source, camera, layout)
+    sensor = Sensor(layout, pattern, calibration)
     return FrameSource(sensor, lambda *_: _moving_frames(sensor, rate), waits=False)
 
 

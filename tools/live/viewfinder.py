@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from time import monotonic, perf_counter
@@ -28,10 +29,15 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError
 
+from .doubtful import DoubtfulShots
 from .source import FrameSource, Refused, Stopped, preview_maker
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
-_SPAN = 2.0  # seconds over which frames are counted
+_SPAN = 2.0  # seconds over which frames are counted, or as long as the last few took
+_LEAST_SHOWN = 3  # pictures whose times are kept, however old they are
+_MISSED = 2.5  # intervals without a picture after which the camera counts as silent
+_TICK = 1e-6  # seconds: two pictures at one time have a rate, too
+_ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 _IN_HAND = 2
 _POLL = 0.1  # seconds
@@ -45,16 +51,20 @@ class View:
     jpeg: the same as a JPEG file.
     number: counts the pictures, from 1.
     latency: seconds from the arrival of the frame until the picture was ready.
+    clipped: part of its samples at the white level, 0 to 1.
     mosaic: the frame that it shows.
     taken: when that was, with time zone.
+    is_checked: see `RawFrame`.
     """
 
     picture: ByteArray
     jpeg: bytes
     number: int
     latency: float
+    clipped: float
     mosaic: Mosaic
     taken: datetime
+    is_checked: bool = False
 
 
 class Viewfinder:
@@ -62,6 +72,7 @@ class Viewfinder:
 
     dropped: returns the number of frames that came too fast to be shown.
     shots: the folder in which `shoot` saves; None = shots cannot be saved.
+    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes.
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
@@ -70,48 +81,66 @@ class Viewfinder:
         self._changed = threading.Condition()
         self._view: View | None = None
         self._closed = False
-        self._shown: deque[float] = deque()
+        self._begun = monotonic()
+        self._shown: deque[float] = deque()  # times of pictures
         self._shooting = threading.Lock()
+        self.doubtful = DoubtfulShots()
 
     @property
     def folder(self) -> Path | None:
         """Where `shoot` saves."""
         return self._shots.path if self._shots else None
 
-    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float) -> None:
+    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float, *, is_checked: bool = False) -> None:
         """Make a picture the latest view.
 
         picture: preview of the mosaic, uint8 sRGB (h, w, 3).
         mosaic: the frame that it shows; `shoot` saves it.
-        taken, arrived: see `RawFrame`.
+        taken, arrived, is_checked: see `RawFrame`.
         """
         jpeg = _jpeg(picture)
+        clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(picture, jpeg, number, now - arrived, mosaic, taken)
+            self._view = View(picture, jpeg, number, now - arrived, clipped, mosaic, taken, is_checked)
+            if is_checked:
+                self.doubtful.clear()
             self._shown.append(now)
-            while self._shown[0] < now - _SPAN:
+            while len(self._shown) > _LEAST_SHOWN and self._shown[0] < now - _SPAN:
                 self._shown.popleft()
             self._changed.notify_all()
 
-    def after(self, number: int) -> View | None:
-        """Wait for a view with a higher number than `number` and return it; None if the viewfinder is closed."""
+    def after(self, number: int, seconds: float | None = None) -> View | None:
+        """Wait for a view with a higher number than `number` and return it; None if none comes, or if the viewfinder is closed.
+
+        seconds: to wait at most; None = without end.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or (self._view is not None and self._view.number > number))
-            return None if self._closed else self._view
+            self._changed.wait_for(lambda: self._closed or (self._view is not None and self._view.number > number), seconds)
+            newer = self._view is not None and self._view.number > number
+            return self._view if newer and not self._closed else None
+
+    @property
+    def closed(self) -> bool:
+        """Whether the viewfinder is closed."""
+        return self._closed
 
     def status(self) -> dict[str, Any]:
         """Return the figures for the page."""
         with self._changed:
-            view = self._view
-            recent = [when for when in self._shown if when >= monotonic() - _SPAN]
+            view, times = self._view, [*self._shown]
         rows, columns = view.mosaic.shape if view else (0, 0)
+        # Judged by the camera's own interval: exposures may be longer than any fixed span, and so is the wait for the first one.
+        intervals = [later - earlier for earlier, later in pairwise(times if len(times) > 1 else [self._begun, *times])]
+        silent = not times or monotonic() - times[-1] > max(_SPAN, _MISSED * max(intervals))
         return {
             "frames": view.number if view else 0,
-            "fps": (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
+            "silent": silent,
+            "fps": 0.0 if silent or len(times) < 2 else 1 / max(sum(intervals) / len(intervals), _TICK),
             "latency_ms": 1e3 * view.latency if view else 0.0,
             "dropped": self._dropped(),
+            "clipped": view.clipped if view else 0.0,
             "width": columns,
             "height": rows,
             "can_save": self._shots is not None,
@@ -130,7 +159,9 @@ class Viewfinder:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
             started = perf_counter()
             path = self._shots.save(view.mosaic, view.picture, view.taken)
-            return Saved(path, 0.0, perf_counter() - started)  # the preview was there already
+            shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)  # the preview was there already
+            self.doubtful.add(shot)
+            return shot
 
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""
@@ -163,9 +194,14 @@ class LiveView:
         self.finder = Viewfinder(lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots)
 
     def show(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> None:
-        """Show frames until they end; see `FrameSource.frames`. Raises InputError when the stream breaks off."""
+        """Show frames until they end; see `FrameSource.frames`. Raises InputError when a camera ends, or its stream breaks off."""
         self._queue = FrameQueue(self._source.frames(stopped, refused, note), 1, stopped=stopped)
         show_frames(self._queue, self._source.sensor, self._preview, self.finder, refused)
+        if stopped():
+            return
+        if not self._source.waits:
+            raise InputError(f"the camera has ended after {self.finder.status()['frames']} pictures; start it again")
+        note("the recording has ended")
 
 
 def fitting_scale(width: int, pattern: CfaPattern) -> int:
@@ -194,12 +230,13 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
                 return False
             try:
                 mosaic = balance(sensor.mosaic(frame))
-                taken, arrived = frame.taken, frame.arrived
+                facts = frame.taken, frame.arrived
+                is_checked = frame.is_checked
                 del frame  # its bytes; only the mosaic is needed now
                 _go_on(held, previewing)
                 picture = preview(mosaic)
                 _go_on(held, encoding)
-                finder.show(picture, mosaic, taken, arrived)
+                finder.show(picture, mosaic, *facts, is_checked=is_checked)
             except InputError as error:
                 refused(error)
         return True

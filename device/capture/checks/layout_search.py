@@ -3,14 +3,14 @@
 Whatever the format, rows resemble each other: the stride is the distance at which the bytes resemble themselves most.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import DoubleArray
+from shared.arrays import CodeArray, DoubleArray
 from shared.pattern import PERIODS, CfaPattern
 
 from ..frames import FORMATS, Bytes, FrameLayout
@@ -67,7 +67,7 @@ class LayoutSearch:
     def best(self, strides: Sequence[int]) -> Reading | None:
         """The reading that shows the pattern most clearly; None if none does. strides: those to try."""
         best: Reading | None = None
-        for name, stride, skipped in self._candidates(strides):
+        for name, stride, skipped in candidates(self.layout, strides):
             if not (reading := self._reading(name, stride, skipped)):
                 continue
             is_declared, plain = name == self.layout.format, reading.found.explained >= PLAIN
@@ -106,22 +106,13 @@ class LayoutSearch:
                 best, clearest = found, weight * found.found.explained
         return best
 
-    def _candidates(self, strides: Sequence[int]) -> Iterator[tuple[str, int, int]]:
-        declared, others = self.layout.format, [name for name in _SEARCHED if name != self.layout.format]
-        yield from ((declared, stride, 0) for stride in strides)
-        yield from ((name, stride, 0) for stride in strides for name in others)
-        tight = ((name, FrameLayout(self.layout.width, 1, name).stride) for name in others)  # without padding
-        yield from ((name, stride, 0) for name, stride in tight if stride not in strides)
-        yield from ((declared, stride, skipped) for stride in strides for skipped in range(1, FORMATS[declared].length))
-
     def _reading(self, name: str, stride: int, skipped: int = 0) -> Reading | None:
         """The frame in one format and stride, if it shows the pattern's period there."""
-        packing, layout, period = FORMATS[name], self.layout, self.pattern.period
-        height, width = (len(self.data) - skipped) // stride, min(layout.width, stride // packing.length * packing.pixels)
+        layout, period = self.layout, self.pattern.period
+        codes = read_as(self.data, layout, name, stride, skipped)
+        height, width = codes.shape
         if min(height, width) <= period:
             return None
-        lines = memoryview(self.data)[skipped : skipped + height * stride]
-        codes = FrameLayout(width, height, name, stride).unpack(lines)
         # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
         for part in [codes[: height // 2]] if codes.size > _ENOUGH else [codes, codes[: height // 2]]:
             found = find_pattern(part, self.pattern) if len(part) > period else None
@@ -130,6 +121,25 @@ class LayoutSearch:
                 width = width if width == layout.width else end_of(codes.max(axis=0) > codes.min(axis=0))
                 return Reading(name, stride, skipped, width, found) if known else None
         return None
+
+
+def candidates(layout: FrameLayout, strides: Sequence[int], formats: Iterable[str] = _SEARCHED) -> Iterator[tuple[str, int, int]]:
+    """Yield (format, stride, bytes before the first sample) of other readings of a frame that is described, the likeliest first."""
+    declared, others = layout.format, [name for name in formats if name != layout.format]
+    yield from ((declared, stride, 0) for stride in strides)
+    yield from ((name, stride, 0) for stride in strides for name in others)
+    tight = ((name, FrameLayout(layout.width, 1, name).stride) for name in others)  # without padding
+    yield from ((name, stride, 0) for name, stride in tight if stride not in strides)
+    yield from ((declared, stride, skipped) for stride in strides for skipped in range(1, FORMATS[declared].length))
+
+
+def read_as(data: Bytes, layout: FrameLayout, name: str, stride: int, skipped: int) -> CodeArray:
+    """The samples of a frame in another reading; empty if no line is as short. layout: the declared one, for its width."""
+    packing = FORMATS[name]
+    height, width = (len(data) - skipped) // stride, min(layout.width, stride // packing.length * packing.pixels)
+    if min(height, width) < 1:
+        return np.empty((0, 0), np.uint16)
+    return FrameLayout(width, height, name, stride).unpack(memoryview(data)[skipped : skipped + height * stride])
 
 
 def likely_strides(data: Bytes, stride: int) -> list[int]:

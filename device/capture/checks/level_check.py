@@ -21,6 +21,7 @@ _LEAST = 10  # bits of the samples of any sensor but those of 8 bits
 _WORD = 16  # bits of a word, into whose upper bits some drivers shift samples
 _HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely brighter
 _UNUSED = 2  # bits
+_OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
 
 
 class Proof(NamedTuple):
@@ -111,6 +112,13 @@ class Levels:
     def are_dark(self) -> bool:
         """Whether all are near black, as in no wrong layout of a lit frame."""
         return abs(float(self._codes.mean()) - self._black) < self._margin and self._highest < _HIGH * self._black + self._margin
+
+    def hiding(self) -> str:
+        """What keeps a frame that is not dark from showing its filters."""
+        clipped = float((self._codes >= self._calibration.white_level).mean())
+        if clipped > _OVEREXPOSED:
+            return f"{100 * clipped:.0f} % of its samples are clipped: it is overexposed"
+        return "it is even, noisy or too dim"
 
     def unsettled(self) -> str:
         """A remark on what they leave open; "" if nothing. Packed samples always have the bits of their format."""

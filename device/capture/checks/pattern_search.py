@@ -22,6 +22,9 @@ _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
 _CERTAIN = 6.0  # standard errors
 _FEW = 8  # tiles: with so few the standard error is itself uncertain, and among 1,500 places twice as many are asked for
 _BETTER = 1.5  # the best place explains this many times the variance that the next one does; in photographs 2.7 times and more
+_FAR = 4.0  # times as much is explained where filters are than where they were; blocks that overlap by half explain a tenth
+_GROUP, _MOST_GROUPS = 12, 4  # tiles at least, beside each other, of which each group is judged
+_PLAIN_ELSEWHERE = 0.03  # part of the variance that filters elsewhere explain at least: half of what is plain in a whole frame
 _BAYER = 2
 _NOTHING = 1e-9  # what rounding leaves of stripes without the means of their rows and columns
 
@@ -115,9 +118,7 @@ def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
     for period in [pattern.period] if pattern.is_scattered else PERIODS:
         if period > tiles.parts.shape[1]:
             continue
-        block = np.zeros((period, period))
-        for row, column, _ in pattern.sites:
-            block[row % period, column % period] = 1.0
+        block = _block(pattern, period)
         explained, certainties = _explained(tiles.folded(period), block)
         place = np.unravel_index(int(explained.argmax()), explained.shape)
         best, certainty = float(explained[place]) / variance, float(certainties[place])
@@ -138,6 +139,57 @@ def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
     rival = max([rival, *(each[0] for each in others)])
     sure = certainty > _CERTAIN * (1 + _FEW / len(tiles.parts))
     return Found(period, places[0], frozenset(places), best, sure) if best > _BETTER * rival else None
+
+
+def is_elsewhere(tiles: Tiles, pattern: CfaPattern) -> bool | None:
+    """Whether colour sites are at another place than those of `pattern`, whose period they have; None if the tiles do not show it.
+
+    They are where some columns of the frame show them elsewhere: where pixels are lost, only a part may be in another row.
+
+    Where they are elsewhere, the place of the pattern shows hardly anything: whatever a scene repeats, its filters are seen, too.
+    """
+    order = np.argsort(tiles.places[:, 1], kind="stable")
+    flat, groups = tiles.flattened(), max(min(len(order) // _GROUP, _MOST_GROUPS), 1)
+    folded = flat.folded(pattern.period)
+    shown = [_are_elsewhere(flat.parts[group], folded[group], pattern) for group in np.array_split(order, groups)]
+    return True if True in shown else False if False in shown else None
+
+
+def _are_elsewhere(flat: FloatArray, folded: DoubleArray, pattern: CfaPattern) -> bool | None:
+    """See `is_elsewhere`. flat, folded: of some tiles."""
+    if len(flat) < 4:
+        return None
+    block = _block(pattern, pattern.period)
+    explained, certainties = _explained(folded, block)
+    ours = tuple(np.transpose(places_alike(pattern, pattern.block_origin)))
+    here, certain_here = float(explained[ours].max()), float(certainties[ours].max())
+    explained[ours] = 0.0
+    place = np.unravel_index(int(explained.argmax()), explained.shape)
+    there, certain_there = float(explained[place]), float(certainties[place])
+    if certain_here > _CERTAIN and here > _BETTER * there:
+        return False
+    explained[tuple(np.transpose(places_alike(pattern, (int(place[0]), int(place[1])))))] = 0.0
+    sure = certain_there > _CERTAIN * (1 + _FEW / len(flat)) and there > _PLAIN_ELSEWHERE * float(np.square(flat).mean())
+    return True if sure and there > _BETTER * float(explained.max()) and there > _FAR * here else None
+
+
+@lru_cache(maxsize=8)
+def _steps(pattern: CfaPattern) -> tuple[tuple[int, int], ...]:
+    """The steps by which colour sites can move and be where others were; (0, 0) is the first."""
+    return tuple(_alike(_block(pattern, pattern.period), (0, 0)))
+
+
+def places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
+    """`place`, and all others at which the colour sites would be the same."""
+    return [((place[0] + down) % pattern.period, (place[1] + right) % pattern.period) for down, right in _steps(pattern)]
+
+
+def _block(pattern: CfaPattern, period: int) -> DoubleArray:
+    """1 at the colour sites, if they had this period, (K, K)."""
+    block = np.zeros((period, period))
+    for row, column, _ in pattern.sites:
+        block[row % period, column % period] = 1.0
+    return block
 
 
 def _alike(block: DoubleArray, place: tuple[int, int]) -> list[tuple[int, int]]:

@@ -1,14 +1,20 @@
 import errno
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta, timezone
+from functools import partial
+from itertools import count
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
 
 from device.capture.shots import ShotFolder
-from shared import read_dng
+from shared import Mosaic, read_dng, writing
+from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
 from tests.shared.dng.examples import mosaic, preview, same
 
@@ -43,22 +49,78 @@ def test_another_camera_in_the_folder_loses_nothing(tmp_path: Path) -> None:
     assert len(names(tmp_path)) == 4
 
 
+def burst(shots: ShotFolder, count: int, meanwhile: Callable[[], object] = bool) -> list[Path]:
+    """Save a burst; meanwhile: called while its last frame is made."""
+
+    def frames() -> Iterator[tuple[Mosaic, ByteArray]]:
+        for number in range(count):
+            if number == count - 1:
+                meanwhile()
+            yield mosaic(), preview()
+
+    return shots.burst(frames, count, TAKEN)
+
+
 def test_bursts_of_two_cameras_have_one_name_and_one_count_each(tmp_path: Path) -> None:
-    one, other = (ShotFolder(tmp_path).burst(10, TAKEN) for _ in range(2))
-    saved = [frame(mosaic(), preview()).name for frame in (one, other, other, one)]
-    endings = ("000001-01", "000002-01", "000002-02", "000001-02")
-    assert saved == [f"20260309T070501.020Z-{ending}.dng" for ending in endings]
-    assert names(tmp_path) == sorted(saved)
+    one, other = ShotFolder(tmp_path), ShotFolder(tmp_path)
+    others: list[Path] = []
+
+    def once() -> None:  # the other takes the name while the first one's frames are written
+        if not others:
+            others.extend(burst(other, 10))
+
+    saved = [path.name for path in burst(one, 10, once)]
+    assert [path.name for path in others] == [f"20260309T070501.020Z-000001-{number:02}.dng" for number in range(1, 11)]
+    assert saved == [f"20260309T070501.020Z-000002-{number:02}.dng" for number in range(1, 11)]
+    assert names(tmp_path) == sorted([*saved, *(path.name for path in others)])
     assert save(ShotFolder(tmp_path)).name == "20260309T070501.020Z-000003.dng"
 
 
 def test_a_later_frame_of_a_burst_replaces_no_file(tmp_path: Path) -> None:
-    frame = ShotFolder(tmp_path).burst(2, TAKEN)
-    frame(mosaic(), preview())
-    (tmp_path / "20260309T070501.020Z-000001-2.dng").write_text("precious")
-    with pytest.raises(OutputError, match=r"000001-2\.dng: exists already"):
-        frame(mosaic(), preview())
-    assert (tmp_path / "20260309T070501.020Z-000001-2.dng").read_text() == "precious"
+    shots, precious = ShotFolder(tmp_path), tmp_path / "20260309T070501.020Z-000001-2.dng"
+    saved = burst(shots, 2, lambda: precious.write_text("precious"))
+    assert precious.read_text() == "precious"
+    assert names(tmp_path) == sorted([precious.name, *(path.name for path in saved)])
+    assert same(read_dng(saved[1]), mosaic())
+
+
+@pytest.mark.parametrize("call", range(12))
+def test_a_disk_that_is_full_at_any_moment_leaves_nothing_of_a_burst(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int
+) -> None:
+    """Where files are written, and where they get their names, too: some file systems find room only then."""
+    calls, real = count(), {name: getattr(os, name) for name in ("fsync", "link")}
+
+    def full(name: str, *arguments: Any) -> None:
+        if next(calls) == call:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real[name](*arguments)
+
+    for name in real:
+        monkeypatch.setattr(os, name, partial(full, name))
+    monkeypatch.setattr(writing, "sync_folder", bool)
+    with suppress(OutputError):  # without hard links files are renamed
+        burst(ShotFolder(tmp_path), 4)
+    assert len(names(tmp_path)) in (0, 4)
+
+
+@pytest.mark.parametrize("links", range(4))
+def test_a_burst_that_has_its_first_frame_is_whole_after_the_program_was_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: int
+) -> None:
+    def link(*arguments: Any) -> None:
+        if next(made) == links:
+            os._exit(9)
+        real(*arguments)
+
+    made, real = count(), os.link
+    if not (child := os.fork()):
+        monkeypatch.setattr(os, "link", link)
+        burst(ShotFolder(tmp_path), 4)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    writing.sweep(tmp_path)
+    assert names(tmp_path) == [f"20260309T070501.020Z-000001-{number}.dng" for number in range(5 - links, 5)]
 
 
 def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:

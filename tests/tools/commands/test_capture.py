@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import resource
 import signal
 import subprocess
 import termios
@@ -10,12 +11,14 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from device.capture import frame_folder, identify
+from device.capture.frames import FrameLayout
 from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray, CodeArray
 from shared.sensor import simulate_additive
@@ -193,6 +196,29 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
     assert "no --camera" not in done.err
 
 
+SHADED = {"shading": {"gain": [[[1.0] * 4] * 4] * 4, "size": [20, 30]}}
+
+
+@pytest.mark.parametrize("maps", [SHADED, {"size": [20, 30]}, {"defects": [[3, 29], [19, 3]]}])
+@pytest.mark.parametrize(("wide", "high"), [(28, 20), (26, 18), (15, 10), (30, 19)])
+def test_frames_of_another_size_than_the_camera_file_s_are_refused(
+    out: Path, tmp_path: Path, maps: dict[str, Any], wide: int, high: int
+) -> None:
+    file, camera = tmp_path / "camera.json", SensorCalibration.of_bits(12).to_json()
+    file.write_text(json.dumps(camera | maps))
+    options = ("-o", str(out), "--camera", str(file))
+    described = (*options, "--pixel-format", "raw12", "--width", str(wide), "--height", str(high))
+    simulated = f"builtin:{wide}x{high}@9"
+    for source, done in (
+        ("-", piped(b"", *described, code=2)),
+        (tmp_path, run(tmp_path, *described, code=2)),
+        (simulated, run(simulated, *options, code=2)),
+    ):
+        assert f"{source}: the frames have {wide} x {high} pixels, those of the camera file 30 x 20" in done.err
+        assert 'take a copy of this one without "size", "shading"' in done.err
+    run("builtin:30x20@9", *options, "--frames", "1", code=0)
+
+
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
     assert "-: ended after 1 of 2 shots" in piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2", code=1).err
     assert len(shots(out)) == 1
@@ -216,6 +242,14 @@ def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> Non
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
 
 
+def test_a_burst_of_more_files_than_may_be_open_is_refused_before_it_is_taken(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 4096))
+    done = run("builtin:64x48@9", "-o", out, "--burst", "250", code=2)
+    assert "--burst is 250, and a program may open 256 files here; take fewer, or allow more: ulimit -n 314" in done.err
+    assert names(out.parent) == {out.name}
+    assert names(out) == set()
+
+
 def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> None:
     (frames / "0.raw").write_bytes(frame(0)[:-1])
     threading.Timer(0.5, lambda: (frames / "1.raw").write_bytes(frame(1))).start()
@@ -235,6 +269,68 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options, code=0)
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
     assert (f"black level {black:.0f}" in done.err) == ("--black" not in options)
+
+
+# --- a stream that slips -------------------------------------------------------------------------------------------------------
+
+
+def moving(count: int) -> list[bytes]:
+    """Frames of a scene that moves, in raw12."""
+    scene = builtin_scene(400, 280).rgb
+    calibration, noise = SensorCalibration.of_bits(12, headroom=False), np.random.default_rng(0)
+    parts = (scene[5 * n : 5 * n + 220, 9 * n : 9 * n + 310] for n in range(count))
+    frames = (simulate_additive(part, CfaPattern.bayer(6), calibration, 0.01, noise).codes for part in parts)
+    return [pack(frame, "raw12") for frame in frames]
+
+
+MOVING = ("--width", "310", "--height", "220", "--pixel-format", "raw12")
+LINE = 465  # bytes
+
+
+@pytest.mark.parametrize(
+    ("place", "lost"), [(100 * LINE, LINE), (30001, 1), (0, 3), (44444, 4096), (99, -1), (20000, -LINE), (777, -3)]
+)
+def test_a_stream_that_loses_or_gains_bytes_ends_at_once_and_its_shots_are_right(out: Path, place: int, lost: int) -> None:
+    frames = moving(8)
+    slipped = frames[5][:place] + b"\xa5" * -lost + frames[5][place + max(lost, 0) :]
+    done = piped(b"".join([*frames[:5], slipped, *frames[6:], *frames]), "-o", str(out), *MOVING, "--wait", code=1)
+    assert [read_dng(path).codes.tobytes() for path in shots(out)] == [unpacked(frame) for frame in frames[:5]]
+    assert "the stream has lost or gained bytes; start the camera again" in done.err
+    assert f"{shots(out)[-1]}: its last rows may be wrong; all shots before it are right" in done.err
+
+
+def unpacked(frame: bytes) -> bytes:
+    return FrameLayout(310, 220, "raw12").unpack(frame).tobytes()
+
+
+@pytest.mark.parametrize("lost", [LINE, 1])
+def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int) -> None:
+    frames, dark = moving(3), pack(np.random.default_rng(0).normal(256, 3, (220, 310)).round().astype(np.uint16), "raw12")
+    data = b"".join([*frames, dark * 2, dark[lost:], dark, *frames])
+    done = piped(data, "-o", str(out), *MOVING, "--wait", code=1)
+    saved = shots(out)
+    assert len(saved) == (5 if lost == 1 else 7)  # single bytes are seen in the dark
+    assert f"{len(saved) - 2} shots may be wrong, {saved[2]} to {saved[-1]}; all before them are right" in done.err
+
+
+def test_of_a_burst_that_slips_nothing_is_saved(out: Path) -> None:
+    frames = moving(8)
+    done = piped(b"".join(frames)[:-40000] + bytes(30000), "-o", str(out), *MOVING, "--burst", "7", code=0)
+    assert len(shots(out)) == 7
+    data = b"".join([*frames[:5], frames[5][LINE:], *frames[6:], frames[0]])
+    done = piped(data, "-o", str(out), *MOVING, "--burst", "7", code=1)
+    assert len(shots(out)) == 7
+    assert "the stream has lost or gained bytes" in done.err
+
+
+def test_a_file_that_is_not_like_those_before_it_is_refused_alone(out: Path, frames: Path) -> None:
+    scene = moving(4)
+    for number, frame in enumerate([*scene[:3], scene[3][LINE:] + scene[0][:LINE], scene[3]]):
+        (frames / f"{number}.raw").write_bytes(frame)
+        os.utime(frames / f"{number}.raw", (number, number))
+    done = run(frames, "-o", out, *MOVING, "--frames", "4", code=1)
+    assert codes(out) == [unpacked(frame) for frame in scene]
+    assert done.errors[0].partition(": ")[2].startswith(f"{frames / '3.raw'}: the frame does not show")
 
 
 # --- --pattern auto: the first frames tell the tile, and none of them is lost ----------------------------------------------------

@@ -9,6 +9,7 @@ import pytest
 import tifffile
 
 from device.capture import identify
+from device.capture.frames import FrameLayout
 from shared import CfaPattern, SensorCalibration
 from shared import write_dng as write_shot
 from shared.arrays import CodeArray
@@ -16,6 +17,7 @@ from shared.pattern_text import read_pattern
 from shared.sensor import simulate_additive
 from tests.data import photograph
 from tests.device.capture.test_identification import SCENE, taken, tile_of
+from tests.device.packer import pack
 from tests.shared.dng.examples import preview
 from tests.tools.command import run, spawn
 from tests.tools.scenes.files import LINEAR_RAW, write_dng
@@ -122,3 +124,27 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
     ):
         outcome = run("identify", file, *arguments)
         assert words in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize(
+    ("sent", "padding", "described", "words"),
+    [
+        ("raw12", 0, "mono12p", "--pixel-format raw12, which shows the tile Sony"),
+        ("mono12p", 6, "raw12", "--pixel-format mono12p --stride 330, which shows the tile Sony"),
+        ("raw12", 6, "raw12", "--stride 330, which shows the tile Sony"),
+        ("u16", 0, "u16be", "--pixel-format u16, which shows the tile Sony"),
+    ],
+)
+def test_another_packing_or_stride_is_named_and_fails(tmp_path: Path, sent: str, padding: int, described: str, words: str) -> None:
+    """The first-frame check tells them, too; a wrong layout does not pass as a tile without a name."""
+    stride = FrameLayout(SONY.shape[1], 1, sent).stride + padding
+    (tmp_path / "frames.bin").write_bytes(pack(SONY, sent, stride) * 2)
+    outcome = run("identify", tmp_path / "frames.bin", *SIZE, "--pixel-format", described, code=1)
+    assert words in outcome.errors[0]
+
+
+def test_a_tile_without_a_name_is_shown_and_fails(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", taken(SCENE, tile_of("RWWG/WWWW/WBWW/WWWW")))
+    outcome = run("identify", tmp_path / "a.npy", code=1)
+    assert "the tile has no name that Panchroma knows; it may be right for a sensor with a tile of its own" in outcome.errors[0]
+    assert "go on         --pattern " in outcome.out

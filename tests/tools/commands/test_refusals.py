@@ -118,6 +118,10 @@ USAGE = {
     "view builtin:64x48@9": {
         "--latest latest": "--latest needs -o DIR",
         "--bind camera": "'camera' is not the address",
+        **{
+            f"--host {name}": "is not a name such as camera.example.org"
+            for name in ("https://a.example", "a.example/x", "a:80", "*")
+        },
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },

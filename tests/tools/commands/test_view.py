@@ -4,17 +4,19 @@ import re
 import signal
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
 import imagecodecs
+import numpy as np
 import pytest
 
 from shared import read_dng
 from tests.browser import Browser
 from tests.tools.command import ended, start
+from tests.tools.commands.test_capture import LINE, MOVING, moving
 from tests.tools.live.test_viewfinder import codes, pictures
 
 
@@ -55,6 +57,51 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
         os.close(writing)
         told = ended(process, code=1).err
     assert "ended in the middle of a frame, 5 bytes after 1 whole ones" in told
+
+
+def test_a_camera_that_ends_between_two_frames_is_told() -> None:
+    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10"]
+    reading, writing = os.pipe()
+    with viewing(*options, source="-", stdin=reading) as (process, _):
+        os.close(reading)
+        os.write(writing, codes(0).tobytes() * 2)
+        os.close(writing)
+        told = ended(process, code=1).err
+    assert "the camera has ended after 2 pictures; start it again" in told
+
+
+def test_a_stream_that_slips_ends_it() -> None:
+    frames = moving(5)
+    reading, writing = os.pipe()
+    with viewing(*MOVING, source="-", stdin=reading) as (process, _):
+        os.close(reading)
+        with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
+            pipe.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
+        told = ended(process, code=1).err
+    assert "the stream has lost or gained bytes; start the camera again" in told
+
+
+def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
+    """To whoever comes after its last frame, too."""
+    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10"]
+    reading, writing = os.pipe()
+    with Browser(tmp_path / "profile") as browser, viewing(*options, source="-", stdin=reading) as (process, url):
+        os.close(reading)
+        browser.open(url)
+        browser.until("document.body?.dataset.state === 'waiting'")
+        for number in range(2):
+            os.write(writing, np.maximum(codes(number), 1023 * (number == 1)).astype("<u2").tobytes())
+        browser.until("document.body.dataset.state === 'silent'")
+        for _ in range(2):
+            assert browser.until("picture.naturalWidth") == 30
+            assert browser.evaluate("getComputedStyle(picture).opacity") == "1"
+            assert browser.until("clipped.textContent === '100 %' && rate.textContent") == "0.0"
+            browser.open(url)  # again
+            browser.until("document.body?.dataset.state === 'silent'")
+        ended(process, signal.SIGINT, code=130)
+        browser.until("document.body.dataset.state === 'lost'")
+        assert {browser.evaluate(f"{name}.textContent") for name in ("rate", "latency", "dropped", "clipped")} == {"–"}
+    os.close(writing)
 
 
 @pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (390, 844, True)])

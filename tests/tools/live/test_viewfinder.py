@@ -61,10 +61,10 @@ def show(finder: Viewfinder, number: int, preview: PreviewMaker = grey) -> None:
 class Served:
     """A viewfinder at work."""
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, *hosts: str) -> None:
         self.finder = Viewfinder(lambda: 7, ShotFolder(folder) if folder else None)
         self.faults: list[BaseException] = []
-        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder, self.faults.append)
+        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder, self.faults.append, hosts)
         self.port = int(self.server.server_address[1])
         threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
 
@@ -149,7 +149,7 @@ def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: py
         return grey(mosaic)
 
     monkeypatch.setattr(viewfinder, "Lock", Restless)
-    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived, **_: shown.append(int(mosaic.codes[0, 0])))
     show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, preview, finder, refused.append)
     assert shown == seen == first
     assert refused == []
@@ -170,12 +170,39 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_st
 
 def test_the_figures(served: Served) -> None:
     none = {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
-    assert served.facts("/status") == (200, none)
+    assert served.facts("/status") == (200, none | {"silent": True, "clipped": 0.0})
     for number in range(3):
         show(served.finder, number)
     _, facts = served.facts("/status")
     assert min(facts["fps"], facts["latency_ms"]) > 0
     assert (facts["frames"], facts["width"], facts["height"]) == (3, 30, 20)
+
+
+@pytest.mark.parametrize(("interval", "rate"), [(0.05, 20.0), (2.5, 0.4), (30.0, 1 / 30)])
+def test_a_camera_is_silent_by_its_own_interval(monkeypatch: pytest.MonkeyPatch, interval: float, rate: float) -> None:
+    now = 100.0
+    monkeypatch.setattr(viewfinder, "monotonic", lambda: now)
+    finder = Viewfinder(lambda: 0)
+    for number in range(5):
+        now += interval
+        show(finder, number)
+        now += 0.9 * interval
+        assert not finder.status()["silent"]
+        now -= 0.9 * interval
+    assert finder.status()["fps"] == pytest.approx(rate)
+    now += max(2.0, 2.5 * interval) + 0.01
+    assert finder.status()["silent"]
+    assert finder.status()["fps"] == 0.0
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, 1.0])
+def test_the_part_of_the_samples_that_is_clipped(part: float) -> None:
+    frame = np.full(SIZE, 500, "<u2")
+    frame[:, : round(part * SIZE[1])] = 1023
+    finder = Viewfinder(lambda: 0)
+    mosaic = SENSOR.mosaic(RawFrame.now(frame.tobytes()))
+    finder.show(grey(mosaic), mosaic, datetime.now().astimezone(), 0.0)
+    assert finder.status()["clipped"] == pytest.approx(part, abs=0.02)
 
 
 def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
@@ -272,11 +299,47 @@ def test_seats_are_few_and_come_free(shown: Served) -> None:
     assert [watcher.status for watcher in watchers] == [200] * 8
     assert shown.facts("/stream.mjpg") == (503, {"error": "8 people look through this camera already"})
     watchers.pop().close()
-    for number in range(1000):  # the server notices when it sends
-        show(shown.finder, number)
-        if (status := shown.ask("/stream.mjpg").status) == 200:
-            break
-    assert status == 200
+    assert shown.ask("/stream.mjpg").status == 200  # though no picture is sent meanwhile
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_reloading_the_page_of_a_silent_camera_takes_no_seat(served: Served, frames: int) -> None:
+    for number in range(frames):
+        show(served.finder, number)
+    for _ in range(20):
+        watcher = served.ask("/stream.mjpg")
+        assert watcher.status == 200
+        watcher.close()
+
+
+def test_the_full_name_of_the_machine_and_allowed_names_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    server._full_name.cache_clear()
+    monkeypatch.setattr(socket, "getfqdn", lambda: "Camera.fritz.box")
+    with closing(Served(tmp_path, "Camera.example.org", "gate.example")) as running:
+        show(running.finder, 0)
+        for host in ("camera.fritz.box:8000", "CAMERA.example.org", "camera.example.org.:443", "gate.example"):
+            assert running.ask("/status", Host=host).status == 200
+        for host in ("camera.fritz.box.evil.example", "x.camera.example.org", "example.org", ".", ""):
+            assert running.ask("/status", Host=host).status == 421
+        for host in (f"127.0.0.1:{running.port}", "camera.example.org"):  # proxies pass on another one, or the same
+            for origin, status in (
+                ("https://camera.example.org", 200),
+                ("https://camera.example.org:8443", 200),
+                ("https://evil.example", 403),
+                ("https://camera.example.org.evil.example", 403),
+                ("null", 403),
+                ("", 403),
+            ):
+                assert running.ask("/capture", "POST", Host=host, Origin=origin).status == status
+    server._full_name.cache_clear()
+
+
+def test_the_page_has_relative_links_alone(served: Served) -> None:
+    """So that a proxy may serve it below a path."""
+    page = served.ask("/").read().decode() + served.ask("/script.js").read().decode()
+    links = re.findall(r"""(?:src|href)="([^"]*)"|fetch\("([^"]*)"|picture\.src = `([^`]*)`""", page)
+    assert len(links) == 8
+    assert [link for link in map("".join, links) if link.startswith("/") or "//" in link] == []
 
 
 def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:

@@ -178,6 +178,20 @@ def test_the_green_diagonal() -> None:
     assert look(pack((tinted + 256).clip(0, 4095).astype(np.uint16), "u16"), of()) == []
 
 
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (np.full(SIZE, 256, np.uint16), "it is dark"),
+        (np.full(SIZE, 4095, np.uint16), "100 % of its samples are clipped: it is overexposed"),
+        (np.where(np.arange(SIZE[1]) % 200 < 150, 4095, 900).astype(np.uint16) * np.ones(SIZE, np.uint16), "it is overexposed"),
+        (np.full(SIZE, 900, np.uint16), "it is even, noisy or too dim"),
+    ],
+)
+def test_why_a_frame_shows_nothing(frame: CodeArray, reason: str) -> None:
+    (note,) = look(pack(frame, "raw12") * 2, of("raw12"))
+    assert f"{reason}); the next frames are looked at" in note
+
+
 def test_colours_that_a_grey_scene_does_not_show_are_told_and_looked_at_again() -> None:
     wrong = CfaPattern.bayer(6, "GRBG", PATTERN.origin)
     words = "whether the greens are on the right diagonal"
