@@ -55,7 +55,7 @@ class Outline(HTMLParser):
 
 def exhibits(study: Study, text: str) -> list[Exhibit]:
     """One of each kind."""
-    pictures = (Rendered("truth", PIXELS), Rendered(text, PIXELS, 30.0, True), Rendered(text, PIXELS, 20.0, legend=text))
+    pictures = (Rendered("truth", PIXELS), Rendered(text, PIXELS, 30.0, True), Rendered(text, PIXELS, 20.0))
     places = (WHY_AHEAD, WHY_PATTERNS, text)
     return [Exhibit(Crop(study.scenes[0], study.levels[0], 20, 20, 8, 8, why), pictures, 1.0, (2, 1)) for why in places]
 

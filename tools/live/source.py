@@ -242,7 +242,7 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
     if camera is None:
         return
     shape, known = (layout.height, layout.width), camera.calibration
-    size = camera.size or next((part.size for part in known.lens), None)
+    size = camera.size or (known.shading.size if known.shading else None)
     least = tuple(max(places, default=0) + 1 for places in zip(*known.defects, strict=True)) if known.defects else (0, 0)
     if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
         return
@@ -250,7 +250,7 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
     raise InputError(
         f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera file {columns} x {rows}{words}; "
         "give the right `width`, `height` and `stride`, or, if this is a window of the sensor or another mode of it, measure a "
-        'camera file for it, or take a copy of this one without "size", "shading", "aberration" and "defects"'
+        'camera file for it, or take a copy of this one without "size", "shading" and "defects"'
     )
 
 
