@@ -1,8 +1,6 @@
 """The command line: a table of verbs, and the exit code of every error that ends a command."""
 
 import argparse
-import atexit
-import gc
 import importlib
 import io
 import os
@@ -136,8 +134,6 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     console = Console()
     try:
         with orderly_end(last=argv is None):
-            if argv is None:
-                atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
             code = 0
             try:
                 _check_verb(arguments)

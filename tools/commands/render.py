@@ -14,7 +14,6 @@ from shared.writing import sweep
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
 from tools.host.jobs import FAILED, Job, counted, do_jobs, possible_jobs
-from tools.host.memory import reuse_memory
 from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
@@ -40,7 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
-    reuse_memory()
     limit_threads(arguments.threads)
     elsewhere = uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
