@@ -19,6 +19,7 @@ from tools.evaluation.figures import Figures
 from tools.evaluation.report import plain_text
 from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
+from tools.host.font_folder import temporary_font_folder
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.versions import program_version
@@ -88,6 +89,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
+    temporary_font_folder()  # a rival's package imports matplotlib
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
