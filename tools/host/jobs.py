@@ -212,7 +212,7 @@ def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
         console.record(source=job.source, ok=True, foreign=True)
         return "foreign"
     if isinstance(result, Exception):
-        fail(job, reason(result), console)
+        fail(job, reason(result), console, result)
         return "failed"
     console.error(*result.errors)
     console.say(*result.lines)
@@ -231,10 +231,10 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, PanchromaError) else fault(error)
 
 
-def fail(job: Job, message: str, console: Console) -> None:
+def fail(job: Job, message: str, console: Console, cause: Exception | None = None) -> None:
     """Report a failed job: a record, and a line that begins with the name of its source, or of another of its files."""
     message = _named(job, message)
-    console.error(message)
+    console.error(message, cause=cause)
     console.record(source=job.source, ok=False, error=message)
 
 
