@@ -148,7 +148,8 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 def add_protocol(group: argparse._ActionsContainer, **settings: Any) -> None:
     """Add --protocol, and the option of each protocol for its level; `protocol_of` reads them. settings: of the levels (nargs)."""
     summaries = "; ".join(f"{name}: {each.summary}" for name, each in PROTOCOLS.items())
-    group.add_argument("--protocol", choices=list(PROTOCOLS), default=PaperProtocol.name, help=summaries)
+    usual = f"(default: that of the level that is given, or {PaperProtocol.name})"
+    group.add_argument("--protocol", choices=list(PROTOCOLS), help=f"{summaries} {usual}")
     for each in {each.option: each for each in PROTOCOLS.values()}.values():
         option(group, f"--{each.option} {each.metavar}", each.help, type=factor, **settings)
 
@@ -162,7 +163,7 @@ def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
 
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
-    """The protocol, and the level or levels that are given for it, None without. Raises InputError for another one's level."""
+    """The protocol, and the level or levels that are given for it, None without. Raises InputError as `chosen_protocol` does."""
     return chosen_protocol(arguments.protocol, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
 
 
