@@ -48,7 +48,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
     jobs, all_possible = possible_jobs(
-        plan(found.sources, lambda source: [f"{Path(source).stem}{order.kind.suffix}"], order.folder),
+        plan(
+            found.sources,
+            lambda source: [f"{Path(source).stem}{order.kind.suffix}"],
+            order.folder,
+            dry_run=order.dry_run,
+        ),
         console,
         overwrite=order.overwrite or order.resume,
         wanted=lambda job: shard_of(order.name(job.output), parts) == part,
