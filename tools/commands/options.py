@@ -58,6 +58,7 @@ count = value(int, "a whole number from 1 on", lambda number: number >= 1)
 natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_factor, "a number, or a fraction such as 1/4")
+file_name = value(str, "the name of a file", bool)  # a variable of a shell that is not set would be no option at all otherwise
 
 
 def text(argument: str) -> str:
@@ -73,7 +74,7 @@ _SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
     "dry-run": ("--dry-run", "write nothing, only say what would be done", {}),
     "json": ("--json", "print one JSON object per {each} to stdout", {}),
     # What is read.
-    "camera": ("--camera FILE", "camera.json: the calibration of the sensor{instead}", {}),
+    "camera": ("--camera FILE", "camera.json: the calibration of the sensor{instead}", {"type": file_name}),
     "pattern": (
         "--pattern LETTERS",
         "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "

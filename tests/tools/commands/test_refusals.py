@@ -49,6 +49,8 @@ USAGE = {
         "--light 2 --sigma 0": "--sigma and --light set different kinds of noise; give one of them",
         "--motion 2": "--motion needs --burst",
         "--moving": "--moving needs --burst",
+        "--burst 99999999999": "--burst is 99999999999, expected 1 to 1000 frames",
+        "--camera=": "argument --camera: '' is not the name of a file",
         "--burst 2 --motion -1": "--motion is -1.0 pixels, expected 0 to",
         "--burst 2 --bracket 0,x": "--bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
         "--burst 2 --bracket 0": "--bracket has 1 figures for 2 frames",
