@@ -51,7 +51,7 @@ class Processes:
         if min(self.count, len(pieces)) <= 1:
             yield from Here(lambda _: StageProgress(note=self.note))(work, pieces)
             return
-        workers: dict[Any, _Worker[P, R]] = {}
+        workers: dict[Any, _Worker[P]] = {}
         try:
             yield from self._results(pickle.dumps(work), deque(enumerate(pieces)), workers)
         finally:
@@ -62,13 +62,13 @@ class Processes:
                 worker.leave(deadline)
 
     def _results(
-        self, work: bytes, queue: deque[tuple[int, P]], workers: "dict[Any, _Worker[P, R]]"
+        self, work: bytes, queue: deque[tuple[int, P]], workers: "dict[Any, _Worker[P]]"
     ) -> Iterator[tuple[P, R | Exception]]:
         """Yield what comes from the workers, which are kept in `workers`, until the queue is empty and all are done."""
         deaths: Counter[int] = Counter()
         while queue or workers:
             while queue and len(workers) < self.count:
-                worker = _Worker(work, self.threads)
+                worker: _Worker[P] = _Worker(work, self.threads)
                 workers[worker.connection] = worker
                 worker.give(*queue.popleft())
             for connection in wait(list(workers)):
@@ -94,7 +94,7 @@ class Processes:
                 yield piece, content
 
 
-class _Worker(Generic[P, R]):
+class _Worker(Generic[P]):
     """One process, and the piece of work that it has."""
 
     piece: P

@@ -90,7 +90,7 @@ def test_a_worker_that_comes_late_refuses_the_work_of_another_source() -> None:
 
 
 def test_a_fault_on_a_worker_comes_with_its_traceback() -> None:
-    error, _ = module._done(program().source, lambda piece, listener: length(None, listener), "four")  # type: ignore[arg-type]
+    error, _ = module._done(program().source, lambda piece, listener: length(None, listener), "four")
     told = pickle.loads(pickle.dumps(error))
     assert isinstance(told, WorkerFault)
     assert str(told).startswith("a fault of Panchroma, please report it: ")
