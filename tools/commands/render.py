@@ -14,6 +14,7 @@ from shared.writing import sweep
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
 from tools.host.jobs import FAILED, Job, counted, do_jobs, possible_jobs
+from tools.host.memory import share_one_heap
 from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
+    share_one_heap()
     limit_threads(arguments.threads)
     elsewhere = uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
