@@ -1,15 +1,34 @@
 """How many processors there are for this process, and how many threads a renderer is to use."""
 
+import math
 import os
 import threading
+from contextlib import suppress
+from functools import cache
+
+from .control_groups import control_groups, number_in
 
 THREADS = "PANCHROMA_THREADS"
 """Environment variable: the number of threads of a renderer for which the program sets none."""
 
 
 def processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Number of processors that this process may use: by its affinity, and by the time that its control groups get."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(usable, _quota() or usable)
+
+
+@cache
+def _quota() -> int | None:
+    """Processors that the least quota of the control groups is enough for, rounded up; None without a quota."""
+    quotas = []
+    for group in control_groups("cpu"):
+        quota, period = number_in(group / "cpu.cfs_quota_us"), number_in(group / "cpu.cfs_period_us")  # version 1
+        with suppress(OSError, ValueError):
+            quota, period = map(int, (group / "cpu.max").read_text(encoding="ascii").split())  # version 2
+        if quota and period and min(quota, period) > 0:
+            quotas.append(math.ceil(quota / period))
+    return min(quotas, default=None)
 
 
 class _Chosen(threading.local):

@@ -1,8 +1,6 @@
 """The command line: a table of verbs, and the exit code of every error that ends a command."""
 
 import argparse
-import atexit
-import gc
 import importlib
 import io
 import os
@@ -127,25 +125,26 @@ class _Help(argparse.HelpFormatter):
 
 FAILED, USAGE = 1, 2
 _ALONE = ("--help", "--version")  # options without a verb
+# Options of every verb, which may also stand before it.
+_QUIET, _VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    arguments = _verb_first(list(sys.argv[1:] if argv is None else argv))
     _open_streams()
-    console = Console()
+    console = Console(verbose=(verbose := not set(_VERBOSE).isdisjoint(arguments)))
     try:
         with orderly_end(last=argv is None):
-            if argv is None:
-                atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
             code = 0
             try:
                 _check_verb(arguments)
-                parser, verbs = _parser(next(iter(arguments), None))
+                parser, verbs = _parser(arguments[0])
                 options = _options(verbs[arguments[0]]) if arguments[0] in verbs else {}
-                console = Console(options=options)
+                console = Console(verbose=verbose, options=options)
                 parsed = parser.parse_args(arguments)
-                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, options=options)
+                as_json = getattr(parsed, "json", False)
+                console = Console(json=as_json, quiet=parsed.quiet, verbose=parsed.verbose, options=options)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)
             finally:
@@ -163,7 +162,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         from shared.errors import PanchromaError
 
         expected = isinstance(error, PanchromaError)
-        console.error(str(error) if expected else fault(error))
+        console.error(str(error) if expected else fault(error), cause=error)
         code = USAGE if expected else FAILED
     sys.exit(code)
 
@@ -203,13 +202,21 @@ def _parser(asked: str | None) -> tuple[_Parser, dict[str, _Parser]]:
             module = _module(verb)
             child.description = module.__doc__
             module.add_arguments(child)
-            child.add_argument("--quiet", action="store_true", help="show neither progress nor notes; errors and results remain")
+            child.add_argument(*_QUIET, action="store_true", help="show neither progress nor notes; errors and results remain")
+            child.add_argument(*_VERBOSE, action="store_true", help="show the traceback of an error that is a fault of Panchroma")
     return parser, verbs.choices
 
 
 def _options(parser: _Parser) -> dict[str, str]:
     """What the libraries' texts call an option, its argument's name -> the option."""
     return {action.dest: action.option_strings[-1] for action in parser._actions if action.option_strings}
+
+
+def _verb_first(arguments: list[str]) -> list[str]:
+    """The arguments, with what stands before the verb and belongs to every verb behind it."""
+    common = list(takewhile((*_QUIET, *_VERBOSE).__contains__, arguments))
+    verb, *others = arguments[len(common) :] or [""]
+    return [verb, *common, *others]
 
 
 def _check_verb(arguments: list[str]) -> None:

@@ -25,6 +25,7 @@ Layout = Literal["auto", "cfa", "linear"]
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
+_WRITER = (Tag.UNIQUE_CAMERA_MODEL, Tag.MAKE, Tag.SOFTWARE)  # any of them names us in a file of ours
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
 
@@ -92,14 +93,19 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     """Check a DNG of Panchroma, mosaic or rendered picture, completely; returns its (rows, columns).
 
     One digest binds size, samples, pattern and calibration of a mosaic together; one of a picture size and samples. The mosaic's
-    preview is compared with its digest, and any preview must be decodable. Raises InputError for any other file and a damaged one.
+    preview is compared with its digest, and any preview must be decodable. Raises ForeignFileError for the DNG of another program,
+    InputError for any other file and a damaged one.
     """
     with opened(data) as dng:
-        rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
-        if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
+        recorded = is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
+        if not (recorded or any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER)):
+            raise ForeignFileError("not a DNG of Panchroma: it has no digest that could be checked")
+        if not recorded and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
             _check_digest(dng, samples)
             _check_identity(dng, picture_id(samples.shape, dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)))
+        elif not recorded:
+            raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
         else:
             mosaic, record = _mosaic(dng, max_pixels)
             samples, preview = mosaic.codes, record.preview

@@ -32,8 +32,8 @@ from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
 from tests.benchmarks.harness import Frame, Work, alternate, options
-from tools.host.processes import THREAD_VARIABLES
 from tools.host.versions import package_version, program_version
+from tools.host.worker import THREAD_VARIABLES
 
 _PRESETS = "paper", "best"
 

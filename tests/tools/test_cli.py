@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from shared.errors import ConvergenceError
+from shared.errors import ConvergenceError, InputError
 from tests.data import ROOT
 from tests.tools.command import assert_refused, names, results, run, spawn
 from tools import cli
@@ -48,7 +48,8 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
     child = cli._parser(verb)[1][verb]
     assert all(action.help for action in child._actions), "an option without a word of help"
     assert child.description
-    assert "--quiet" in outcome.out
+    assert "-q, --quiet" in outcome.out
+    assert "-v, --verbose" in outcome.out
     # Not the values of Python that say nothing to a user.
     assert not re.search(r"default: *(\(\)|\[|None|False|True|==)", " ".join(outcome.out.split()))
 
@@ -130,6 +131,37 @@ def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyP
     (line,) = run("inspect", "x.dng", code=1).err.splitlines()
     assert line.startswith("panchroma: a fault of Panchroma, please report it: RuntimeError in cli.py:")  # the last place of ours
     assert line.endswith(": odd")
+
+
+@pytest.mark.parametrize("before", [True, False])
+@pytest.mark.parametrize("option", ["-v", "--verbose"])
+def test_verbose_shows_the_traceback_of_a_fault_once(
+    option: str, before: bool, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(source: str, max_pixels: int) -> None:
+        if "missing" in source:
+            raise InputError("is not there")
+        raise RuntimeError(f"odd\x1b {source}")
+
+    monkeypatch.setattr(inspect, "_shown", fail)
+    words: list[str | Path] = ["inspect", shots / SHOT, "missing.dng", tmp_path / "other.dng", "-q"]
+    words.insert(0 if before else len(words), option)
+    shown = run(*words, code=1).err.splitlines()
+    assert [line.startswith("panchroma: ") for line in shown].count(True) == 3
+    assert shown[0].startswith(f"panchroma: {shots / SHOT}: a fault of Panchroma, please report it: RuntimeError in inspect.py:")
+    assert "(--verbose shows the traceback): odd" in shown[0]
+    assert shown[1] == "Traceback (most recent call last):"
+    assert any(line.startswith('  File "') and line.endswith(", in fail") for line in shown)
+    assert shown[-3] == f"RuntimeError: odd\\x1b {shots / SHOT}"
+    words.remove(option)
+    assert "Traceback" not in run(*words, code=1).err
+
+
+def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
+    assert run("-q", "-v", "inspect", shots, code=0).out == run("inspect", shots, "--quiet", code=0).out
+    for alone in ((), ("-v",), ("-v", "-q")):
+        assert "a verb is missing" in run(*alone, code=2).err
+    assert "--scale" in run("-q", "preview", "--help", code=0).out
 
 
 # --- interrupts -----------------------------------------------------------------------------------------------------------------

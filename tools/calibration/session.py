@@ -181,5 +181,5 @@ class Session:
         path, why = " ".join(paths), reason(error)
         line = why if path in why else f"{path}: {why}"
         self.seen.skipped.append(without_folders(line, paths))
-        self._console.error(f"skipped {line}")
+        self._console.error(f"skipped {line}", cause=error)
         self._console.record(source=path, ok=False, error=" ".join(why.split()))

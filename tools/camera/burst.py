@@ -15,7 +15,7 @@ from shared.motion import Motion
 
 from .motion import MOST_DEGREES, RADIUS, displaced, reach
 
-MOST_PIXELS, MOST_STOPS = 1000.0, 10.0
+MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0
 STILL = Motion()
 _TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
 _SHUTTER_SPEED = 37377  # Exif's other statement of the exposure time
@@ -31,7 +31,7 @@ _STEPS = (5.0, 20.0)  # pixels of the sensor from frame to frame
 class SimulatedBurst:
     """How a burst is taken.
 
-    frames: their number, 1 or more. The first is the reference, which has not moved.
+    frames: their number, 1 to MOST_FRAMES. The first is the reference, which has not moved.
     pixels: of the sensor, by which the others are at most displaced.
     degrees: by which they are at most rotated.
     moving: whether a thing moves through the scene.
@@ -46,8 +46,8 @@ class SimulatedBurst:
     stops: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.frames < 1:
-            raise InputError(f"`burst` is {self.frames}, expected 1 frame or more")
+        if not 1 <= self.frames <= MOST_FRAMES:
+            raise InputError(f"`burst` is {self.frames}, expected 1 to {MOST_FRAMES} frames")
         if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:

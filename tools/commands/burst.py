@@ -14,7 +14,7 @@ from shared.errors import InputError
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, do_jobs, identity, output_folder, possible_jobs
-from tools.host.memory import reuse_memory
+from tools.host.memory import share_one_heap
 from tools.host.progress import StageProgress
 from tools.rendering.burst import BurstOrder
 from tools.rendering.burst_files import series, series_stem
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
-    reuse_memory()
+    share_one_heap()
     limit_threads(arguments.threads)
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix

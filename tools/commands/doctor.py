@@ -214,7 +214,7 @@ def _kernels() -> Iterator[Finding]:
 def _machine() -> Iterator[Finding]:
     yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
     free = available_memory()
-    remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB"
+    remedy = "close other programs, or let the job or the container have more: a render of 12 megapixels needs about 0.6 GB"
     yield _judged("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
 
 

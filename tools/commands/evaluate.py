@@ -20,6 +20,7 @@ from tools.evaluation.figures import Figures
 from tools.evaluation.report import plain_text
 from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
+from tools.host.font_folder import temporary_font_folder
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.versions import program_version
@@ -94,6 +95,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
         Cache(folder / FOLDER).remove([*(cell.name for cell in study.cells()), *result_names(study)])
+    temporary_font_folder()  # a rival's package imports matplotlib
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:

@@ -12,7 +12,7 @@ from shared.writing import write_durably
 from tools.host.console import Console
 from tools.pictures.previews import preview_graph
 
-from .options import add, option, pattern_of
+from .options import add, file_name, option, pattern_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "-o --output FILE", "ends in .onnx", required=True)
     pattern = parser.add_argument_group("the pattern")
     add(pattern, "pattern", "period")
-    option(pattern, "--like SHOT", "use the pattern of this shot")
+    option(pattern, "--like SHOT", "use the pattern of this shot", type=file_name)
     add(parser, "scale", default=1)
     spaces = "srgb: a picture for a screen; camera: camera RGB, scene units"
     option(parser, "--space", spaces, choices=("srgb", "camera"), default="srgb")

@@ -16,10 +16,11 @@ import numpy as np
 from shared import Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
+from shared.errors import ForeignFileError
 from shared.networks import network_for
 from shared.processors import processors
 from tools.host.console import Console
-from tools.host.folders import DNGS, search
+from tools.host.folders import DNGS, Source, search
 from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
 from tools.host.progress import StageProgress
 from tools.host.work import Threads
@@ -27,6 +28,7 @@ from tools.host.work import Threads
 from .options import add, add_shots, option
 
 _COLUMN = 14  # characters for the name of a row
+_DAMAGED, _UNREAD, _FOREIGN = "damaged", "that cannot be read", "of other programs, without a digest to check"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +44,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     found = search(arguments.shots, DNGS)
     searched = found.report(console)
     if arguments.verify:
-        code = _verify([source.name for source in found.sources], arguments, console)
+        code = _verify(found.sources, arguments, console)
     else:
         jobs = [Job(source.name, found=source.found) for source in found.sources]
         code = run_jobs(jobs, lambda job, _: _shown(job.source, arguments.max_pixels), console)
@@ -58,9 +60,9 @@ def _shown(source: str, max_pixels: int) -> Outcome:
     return Outcome(facts, (source, *_table(facts)))
 
 
-def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Console) -> int:
+def _verify(sources: Sequence[Source], arguments: argparse.Namespace, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
-    wrong: dict[str, bool] = {}  # file -> whether it can be read, and so is damaged
+    wrong: dict[str, str] = {}  # file -> what is wrong with it
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         try:
@@ -68,17 +70,22 @@ def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Cons
                 return Outcome({"calibration_id": read_camera(job.source).calibration.id})
             rows, columns = verify_dng(job.source, max_pixels=arguments.max_pixels)
             return Outcome({"width": columns, "height": rows, "digest": "shot"})
+        except ForeignFileError:
+            wrong[job.source] = _FOREIGN
+            raise
         except Exception:
-            wrong[job.source] = _is_readable(job.source)
+            wrong[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
             raise
 
-    files = list(dict.fromkeys(sources))  # one that is named twice is checked once
+    files = {source.name: source for source in sources}  # one that is named twice is checked once
     threads = Threads(arguments.workers or processors(), console.note)
     with console.progress("verify") as progress:
-        code = run_jobs([Job(file) for file in files], work, console, workers=threads, progress=progress)
-    damaged, unread = ([file for file in files if wrong.get(file) is readable] for readable in (True, False))
-    count = f"{len(files) - len(wrong)} whole, {len(damaged)} damaged"
-    console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
+        jobs = [Job(name, found=source.found) for name, source in files.items()]
+        code = run_jobs(jobs, work, console, workers=threads, progress=progress)
+    kinds = {kind: [file for file in files if wrong.get(file) == kind] for kind in (_DAMAGED, _UNREAD, _FOREIGN)}
+    counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found or kind == _DAMAGED]
+    named = (f"  {file}" for kind in (_DAMAGED, _UNREAD) for file in kinds[kind])
+    console.say(", ".join([f"{len(files) - len(wrong)} whole", *counts]), *named)
     return code
 
 

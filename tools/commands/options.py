@@ -58,6 +58,7 @@ count = value(int, "a whole number from 1 on", lambda number: number >= 1)
 natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_factor, "a number, or a fraction such as 1/4")
+file_name = value(str, "the name of a file", bool)  # a variable of a shell that is not set would be no option at all otherwise
 
 
 def text(argument: str) -> str:
@@ -74,7 +75,7 @@ _SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
     "dry-run": ("--dry-run", "write nothing, only say what would be done", {}),
     "json": ("--json", "print one JSON object per {each} to stdout", {}),
     # What is read.
-    "camera": ("--camera FILE", "camera.json: the calibration of the sensor{instead}", {}),
+    "camera": ("--camera FILE", "camera.json: the calibration of the sensor{instead}", {"type": file_name}),
     "pattern": (
         "--pattern LETTERS",
         "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
@@ -149,7 +150,8 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 def add_protocol(group: argparse._ActionsContainer, **settings: Any) -> None:
     """Add --protocol, and the option of each protocol for its level; `protocol_of` reads them. settings: of the levels (nargs)."""
     summaries = "; ".join(f"{name}: {each.summary}" for name, each in PROTOCOLS.items())
-    group.add_argument("--protocol", choices=list(PROTOCOLS), default=PaperProtocol.name, help=summaries)
+    usual = f"(default: that of the level that is given, or {PaperProtocol.name})"
+    group.add_argument("--protocol", choices=list(PROTOCOLS), help=f"{summaries} {usual}")
     for each in {each.option: each for each in PROTOCOLS.values()}.values():
         option(group, f"--{each.option} {each.metavar}", each.help, type=factor, **settings)
 
@@ -163,7 +165,7 @@ def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
 
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
-    """The protocol, and the level or levels that are given for it, None without. Raises InputError for another one's level."""
+    """The protocol, and the level or levels that are given for it, None without. Raises InputError as `chosen_protocol` does."""
     return chosen_protocol(arguments.protocol, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
 
 

@@ -12,7 +12,7 @@ from tools.pictures.kind import PictureKind
 from tools.rendering.defect_list import read_defects
 from tools.rendering.white_balance import WhiteBalance
 
-from .options import add, option
+from .options import add, file_name, option
 
 
 def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
@@ -39,7 +39,7 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     balance = "white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6"
     option(parser, "--wb BALANCE", balance, type=WhiteBalance.parse, default="camera")
     add(parser, "camera", instead=", in place of the one in the shots")
-    option(parser, "--defects FILE", "more defective pixels: a text, a line of row, column (from 0) for each")
+    option(parser, "--defects FILE", "more defective pixels: a text, a line of row, column (from 0) for each", type=file_name)
     published = "; paper: the published method, literally" * ("paper" in presets)
     option(
         parser,

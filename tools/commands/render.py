@@ -14,7 +14,7 @@ from shared.writing import sweep
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
 from tools.host.jobs import FAILED, Job, counted, do_jobs, possible_jobs
-from tools.host.memory import reuse_memory
+from tools.host.memory import share_one_heap
 from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
-    reuse_memory()
+    share_one_heap()
     limit_threads(arguments.threads)
     elsewhere = uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
@@ -50,7 +50,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
     jobs, all_possible = possible_jobs(
-        plan(found.sources, lambda source: [f"{Path(source).stem}{order.kind.suffix}"], order.folder),
+        plan(
+            found.sources,
+            lambda source: [f"{Path(source).stem}{order.kind.suffix}"],
+            order.folder,
+            dry_run=order.dry_run,
+        ),
         console,
         overwrite=order.overwrite or order.resume,
         wanted=lambda job: shard_of(order.name(job.output), parts) == part,

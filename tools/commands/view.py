@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
 
     address = arguments.bind, arguments.port
-    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error)), arguments.host)
+    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error), cause=error), arguments.host)
     with closing(source), Stopping() as stopping, page as server:
         threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")

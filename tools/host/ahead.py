@@ -1,11 +1,8 @@
 """Work in threads of its own: on the pieces of a sequence, while the caller makes the next ones; and what nobody waits for."""
 
-import os
-import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from threading import Thread
 from typing import TypeVar
 
@@ -14,8 +11,6 @@ R = TypeVar("R")
 
 WAITING = 1
 """Pieces, beside one per thread, that wait until they are worked on or used."""
-
-_NICE = 5  # a third of the share of a thread that does not stand back: it gets on beside other busy programs too
 
 
 def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iterator[R]:
@@ -30,7 +25,7 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
     [1, 2, 3]
     """
     pending: deque[Future[R]] = deque()
-    pool = ThreadPoolExecutor(threads, "ahead", _lower_priority)
+    pool = ThreadPoolExecutor(threads, "ahead")
     try:
         for piece in pieces:
             pending.append(pool.submit(work, piece))
@@ -54,10 +49,3 @@ def promised(work: Callable[[], R]) -> Future[R]:
 
     Thread(target=fulfil, name="promised", daemon=True).start()
     return promise
-
-
-def _lower_priority() -> None:
-    """Leave the processors to the caller where it needs all of them: the threads of a kernel wait for the last one."""
-    if sys.platform == "linux":  # elsewhere it is the whole program that stands back
-        with suppress(OSError):
-            os.nice(_NICE)

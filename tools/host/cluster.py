@@ -17,7 +17,7 @@ from concurrent.futures import CancelledError as FutureCancelledError
 from concurrent.futures import wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -28,7 +28,7 @@ from shared.reading import read_text
 
 from .ahead import promised
 from .console import OUR_PACKAGES, once_each, one_line
-from .progress import Note, StageProgress
+from .progress import REMARKS, Note, StageProgress
 from .signals import raise_lost_signal
 from .versions import package_version
 from .work import portable, result_or_error
@@ -134,7 +134,7 @@ class Cluster:
     """
 
     def __init__(self, client: Any, note: Note) -> None:
-        self._client, self._note = client, cache(note)  # several workers have the same to say
+        self._client, self._note = client, lru_cache(REMARKS)(note)  # several workers have the same to say
         self._address: str = client.scheduler.address
 
     def __call__(self, work: Callable[[P, StageProgress], R], pieces: Sequence[P], /) -> Iterator[tuple[P, R | Exception]]:

@@ -27,7 +27,19 @@ class StandardOutputError(Exception):
 
 
 class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
-    """An exception that nobody foresaw in a worker process. Its text is the message of `fault` there."""
+    """An exception that nobody foresaw in a worker process.
+
+    message: that of `fault` there, the text of this exception.
+    trace: its traceback there.
+    """
+
+    def __init__(self, message: str, trace: str) -> None:
+        super().__init__(message, trace)  # pickled with both
+        self.trace = trace
+
+    def __str__(self) -> str:
+        """Return the message alone."""
+        return str(self.args[0])
 
 
 class Console:
@@ -35,12 +47,16 @@ class Console:
 
     json: standard output is for machines; what people read goes to standard error.
     quiet: standard error is for errors alone.
+    verbose: an error that nobody foresaw is followed by its traceback, each once.
     options: what an argument is called on the command line: "max_pixels" -> "--max-pixels". Texts of the libraries name arguments
         as `max_pixels`, or with a value as `space="camera"`; here they are options.
     """
 
-    def __init__(self, *, json: bool = False, quiet: bool = False, options: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, *, json: bool = False, quiet: bool = False, verbose: bool = False, options: Mapping[str, str] | None = None
+    ) -> None:
         self._options = options or {}
+        self._traced: set[str] | None = set() if verbose else None  # tracebacks that have been shown, without what they say
         self._json = json
         self._quiet = quiet
         self._display: RichProgress | None = None
@@ -63,10 +79,23 @@ class Console:
         """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
         self.note(*once_each((source, remark) for source, remarks in noted for remark in remarks))
 
-    def error(self, *texts: str) -> None:
-        """Print a line to stderr for each thing that failed."""
+    def error(self, *texts: str, cause: BaseException | None = None) -> None:
+        """Print a line to stderr for each thing that failed. cause: what was raised; a `PanchromaError` has no traceback."""
         for text in texts:
             to_stderr(f"panchroma: {self.worded(text)}")
+        if cause is not None and self._traced is not None:
+            self._trace(cause, self._traced)
+
+    def _trace(self, error: BaseException, traced: set[str]) -> None:
+        """Print the traceback of an error that nobody foresaw, unless one from the same place has been printed."""
+        from shared.errors import PanchromaError  # not at the top: it imports NumPy
+
+        lines = [] if isinstance(error, PanchromaError) else traceback_of(error).splitlines()
+        place = "\n".join(line for line in lines if line.startswith(" "))
+        if place not in traced:
+            traced.add(place)
+            for line in lines:
+                to_stderr(line)
 
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
@@ -117,8 +146,13 @@ def fault(error: BaseException) -> str:
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in OUR_PACKAGES)]
     place = (ours or frames)[-1]
-    where = f"{Path(place.filename).name}:{place.lineno}"
+    where = f"{Path(place.filename).name}:{place.lineno} (`verbose=True` shows the traceback)"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
+
+
+def traceback_of(error: BaseException) -> str:
+    """The traceback of an exception; of a fault in a worker process the one there."""
+    return error.trace if isinstance(error, WorkerFault) else "".join(traceback.format_exception(error))
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:

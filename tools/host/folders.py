@@ -133,12 +133,12 @@ def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, 
         found.left_out.append(f"{top}: left out {'; '.join(parts)}")
 
 
-def plan(sources: Sequence[Source], names: Callable[[str], Sequence[str]], folder: Path) -> list[Job]:
+def plan(sources: Sequence[Source], names: Callable[[str], Sequence[str]], folder: Path, *, dry_run: bool = False) -> list[Job]:
     """One job per source, with outputs in `folder` (see `Source.output`) under the names that `names(source.name)` returns.
 
-    Subfolders that exist already are freed of what killed processes have left half written.
+    Subfolders that exist already are freed of what killed processes have left half written, but for a dry run.
     """
     jobs = [Job(each.name, tuple(each.output(folder, name) for name in names(each.name)), each.found) for each in sources]
-    for below in {output.parent for job in jobs for output in job.outputs} - {folder}:
+    for below in {output.parent for job in jobs for output in job.outputs} - {folder} if not dry_run else ():
         sweep(below)
     return jobs

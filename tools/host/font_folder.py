@@ -8,7 +8,9 @@ from tempfile import TemporaryDirectory
 
 @cache
 def temporary_font_folder() -> "TemporaryDirectory[str] | None":
-    """Call it before an import that may import matplotlib, which keeps a list of fonts. It is removed with the returned object.
+    """Call it in a command before an import that may import matplotlib, which keeps a list of fonts; its workers inherit it.
+
+    It is removed with the returned object. Libraries do not call it: it sets a variable of the whole process.
 
     Returns None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no room for another.
     """

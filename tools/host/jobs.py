@@ -93,7 +93,7 @@ _created: list[Path] = []  # output folders of this command
 def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     """The folder that `-o` names, created if its parent exists, and free of what killed processes have left half written.
 
-    dry_run: do not create it.
+    dry_run: change nothing; it may be one that cannot be written to.
 
     Raises OutputError when it is not a folder, cannot be created, or cannot be written to.
     """
@@ -115,6 +115,8 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
         _created.append(path)
     if not path.is_dir():
         raise OutputError(f"{folder}: is not a folder; name the folder for the results")
+    if dry_run:
+        return path
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
     sweep(path)
@@ -212,7 +214,7 @@ def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
         console.record(source=job.source, ok=True, foreign=True)
         return "foreign"
     if isinstance(result, Exception):
-        fail(job, reason(result), console)
+        fail(job, reason(result), console, result)
         return "failed"
     console.error(*result.errors)
     console.say(*result.lines)
@@ -231,10 +233,10 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, PanchromaError) else fault(error)
 
 
-def fail(job: Job, message: str, console: Console) -> None:
+def fail(job: Job, message: str, console: Console, cause: Exception | None = None) -> None:
     """Report a failed job: a record, and a line that begins with the name of its source, or of another of its files."""
     message = _named(job, message)
-    console.error(message)
+    console.error(message, cause=cause)
     console.record(source=job.source, ok=False, error=message)
 
 

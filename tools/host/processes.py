@@ -1,30 +1,28 @@
 """Long-lived worker processes that share a list of work. A worker that dies is replaced, and its piece is tried once more."""
 
 import multiprocessing
-import os
+import pickle
 import signal
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from shared.errors import InputError
-from shared.processors import THREADS
 
 from .progress import Note, StageProgress
 from .signals import deferred_signals, end_with_parent, raise_lost_signal, send_again_if_lost
 from .work import Here, portable, result_or_error
+from .worker import begin
 
 P = TypeVar("P")
 R = TypeVar("R")
 
 _DEATHS = 2  # a piece of work that has killed this many workers is given up
-# Numerical libraries read these when they are loaded, and not again.
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", THREADS, "OPENCV_FOR_THREADS_NUM")
 _PATIENCE = 10.0  # seconds that workers get to leave in order before they are killed
 
 
@@ -53,10 +51,9 @@ class Processes:
         if min(self.count, len(pieces)) <= 1:
             yield from Here(lambda _: StageProgress(note=self.note))(work, pieces)
             return
-        workers: dict[Any, _Worker[P, R]] = {}
+        workers: dict[Any, _Worker[P]] = {}
         try:
-            with _limited_threads(self.threads):
-                yield from self._results(work, deque(enumerate(pieces)), workers)
+            yield from self._results(pickle.dumps(work), deque(enumerate(pieces)), workers)
         finally:
             for worker in workers.values():
                 worker.process.terminate()
@@ -65,13 +62,13 @@ class Processes:
                 worker.leave(deadline)
 
     def _results(
-        self, work: Callable[[P, StageProgress], R], queue: deque[tuple[int, P]], workers: "dict[Any, _Worker[P, R]]"
+        self, work: bytes, queue: deque[tuple[int, P]], workers: "dict[Any, _Worker[P]]"
     ) -> Iterator[tuple[P, R | Exception]]:
         """Yield what comes from the workers, which are kept in `workers`, until the queue is empty and all are done."""
         deaths: Counter[int] = Counter()
         while queue or workers:
             while queue and len(workers) < self.count:
-                worker = _Worker(work)
+                worker: _Worker[P] = _Worker(work, self.threads)
                 workers[worker.connection] = worker
                 worker.give(*queue.popleft())
             for connection in wait(list(workers)):
@@ -97,29 +94,16 @@ class Processes:
                 yield piece, content
 
 
-@contextmanager
-def _limited_threads(count: int) -> Iterator[None]:
-    """Processes started in the `with` block give each numerical library `count` threads."""
-    before = {name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(count)))
-    try:
-        yield
-    finally:
-        for name in THREAD_VARIABLES:
-            os.environ.pop(name, None)
-        os.environ.update(before)
-
-
-class _Worker(Generic[P, R]):
+class _Worker(Generic[P]):
     """One process, and the piece of work that it has."""
 
     piece: P
     number: int
 
-    def __init__(self, work: Callable[[P, StageProgress], R]) -> None:
+    def __init__(self, work: bytes, threads: int) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
+        self.process = context.Process(target=begin, args=(theirs, threads, work), daemon=True)
         with deferred_signals():
             self.process.start()
         theirs.close()  # otherwise the pipe would stay open after the process has ended
@@ -139,7 +123,7 @@ class _Worker(Generic[P, R]):
             self.process.join()
 
 
-def _serve(connection: Connection, work: Callable[[P, StageProgress], R]) -> None:
+def serve(connection: Connection, work: Callable[[P, StageProgress], R]) -> None:
     """In the worker process: do the pieces that come through the pipe until it closes."""
     signal.signal(signal.SIGTERM, _stop)
     end_with_parent(_PATIENCE)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 Note = Callable[[str], None]
 """Called with a remark for the user."""
+REMARKS = 1000
+"""Remarks that are remembered where each is shown once; there may be one on each of a million shots."""
 
 _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 

@@ -70,12 +70,13 @@ def send_again_if_lost(number: int) -> None:
     """
     again = threading.Timer(_AGAIN, signal.pthread_kill, (threading.main_thread().ident, number))
     again.daemon = True
+    usual = sys.unraisablehook  # restored by `orderly_end`
 
     def dropped(lost: "sys.UnraisableHookArgs") -> None:
         if issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):
             again.start()
         else:
-            sys.__unraisablehook__(lost)
+            usual(lost)
 
     sys.unraisablehook = dropped
 
@@ -91,7 +92,7 @@ def deferred_signals() -> Iterator[None]:
 
     resource_tracker.ensure_running()  # when it starts, with the first process, it unblocks SIGINT
     held: list[int] = []
-    numbers = _ENDING if _in_main_thread() else ()
+    numbers = [number for number in _ENDING if _in_main_thread() and signal.getsignal(number) is not None]  # None: set from C
     before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in numbers}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the process inherits it; threads of ours may still get it
     try:

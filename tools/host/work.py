@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from .ahead import ahead
-from .console import StandardOutputError, WorkerFault, fault
+from .console import StandardOutputError, WorkerFault, fault, traceback_of
 from .progress import Note, StageProgress
 from .signals import raise_lost_signal
 
@@ -69,11 +69,11 @@ def result_or_error(work: Callable[[P, StageProgress], R], piece: P, listener: S
 
 
 def portable(result: R | Exception) -> R | Exception:
-    """A result that another process can read: an exception that nobody foresaw becomes a WorkerFault, which names its place."""
+    """A result that another process can read: an exception that nobody foresaw becomes a WorkerFault, with its traceback."""
     from shared.errors import PanchromaError
 
     if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
-        return WorkerFault(fault(result))
+        return WorkerFault(fault(result), traceback_of(result))
     return result
 
 

@@ -1,11 +1,9 @@
 """One shot or burst, rendered to one picture, once, by whichever process on whichever machine gets it."""
 
 import os
-import sys
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -27,8 +25,6 @@ from .order import Order, Share, Subject
 
 if TYPE_CHECKING:
     from offline import SolverLog
-
-_TURN = 5e-5  # seconds that a thread waits for the interpreter while another one computes; Python's default is 100 times as long
 
 
 def attempt(order: Order, share: Share, job: Job, listener: StageProgress) -> Outcome:
@@ -120,11 +116,10 @@ class _Attempt:
     def _read(self) -> Subject:
         """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
         self.listener.stage("reading", 1)
-        with _frequent_turns():
-            subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
-            with announced_compilation(self.listener):
-                load_compiled(self.order.settings)
-            return subject.result()
+        subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
+        with announced_compilation(self.listener):
+            load_compiled(self.order.settings)
+        return subject.result()
 
     def _note_what_is_assumed(self, subject: Subject) -> None:
         source, mosaic, order = self.job.source, subject.mosaic, self.order
@@ -229,17 +224,6 @@ class _Attempt:
         """Digest of the files that a picture is made from; None if there is only one, and it cannot be read."""
         frames = self.job.frames
         return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
-
-
-@contextmanager
-def _frequent_turns() -> Iterator[None]:
-    """In the `with` block, let a thread that needs the interpreter for a moment have it soon: every tile's digest asks for it."""
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(_TURN)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(usual)
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once

@@ -1,7 +1,7 @@
 """Render shots to arrays, for programs that keep the picture: the notebook, the demonstration, calibration."""
 
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from shared import Mosaic
@@ -12,7 +12,7 @@ from shared.spelling import meant
 from tools.host.console import fault as missing_package
 from tools.host.console import to_stderr
 from tools.host.memory import allowed_memory, format_bytes
-from tools.host.progress import StageProgress
+from tools.host.progress import REMARKS, StageProgress
 from tools.host.versions import program_version
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import joined
@@ -30,7 +30,7 @@ __all__ = ["RenderSettings", "Stages", "missing_package", "note_once", "program_
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
 
-@cache
+@lru_cache(REMARKS)
 def note_once(line: str) -> None:
     """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
     to_stderr(line)

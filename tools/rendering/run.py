@@ -4,7 +4,7 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import Any
 
 from shared.errors import OutputError, PanchromaError
@@ -14,7 +14,7 @@ from tools.host.console import Console
 from tools.host.jobs import Job, JobWorkers, Outcome, Work, file_status
 from tools.host.memory import allowed_memory
 from tools.host.processes import Processes
-from tools.host.progress import Note, StageProgress
+from tools.host.progress import REMARKS, Note, StageProgress
 from tools.host.work import Here
 
 from .attempt import attempt
@@ -63,7 +63,7 @@ def passes(
         workers = max(1, min(cores // (threads or 1), allowed // _largest_need(order, jobs))) if many else 1
     workers = max(1, min(workers, len(jobs)))
     threads = threads or max(1, cores // workers)
-    note = cache(console.note)  # several processes send the same note: it is shown once
+    note = lru_cache(REMARKS)(console.note)  # several processes send the same note: it is shown once
     alone = Here(lambda job: console.progress(job.source) if len(jobs) == 1 else StageProgress(note=console.note))
     last: Pass = partial(attempt, order, Share(allowed, True, threads)), alone
     if len(jobs) == 1:

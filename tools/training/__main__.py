@@ -10,7 +10,7 @@ from shared.errors import InputError, PanchromaError
 from shared.pattern import CfaPattern
 from shared.processors import processors
 from shared.tiles import EXPECTED
-from tools.host.console import Console, to_stderr
+from tools.host.console import Console, fault, to_stderr
 from tools.host.jobs import output_folder
 from tools.host.signals import INTERRUPTED, orderly_end
 
@@ -40,6 +40,7 @@ def main() -> int:
     parser.add_argument("--batch", type=int, default=16, metavar="N", help="pieces of pictures in a step (default: 16)")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="processes and threads (default: one per core)")
+    parser.add_argument("-v", "--verbose", action="store_true", help="show the traceback of an error that is a fault of Panchroma")
     arguments = parser.parse_args()
     for name, least in ("steps", 0 if arguments.start else 1), ("variants", 1), ("batch", 1):
         if getattr(arguments, name) < least:
@@ -55,7 +56,7 @@ def main() -> int:
         parser.error(f"{len(sources)} photographs found; at least {_LEAST} are needed to learn something")
     from .run import Plan, train
 
-    console = Console()
+    console = Console(verbose=arguments.verbose, options={"verbose": "--verbose", "output": "--output"})
     try:
         with orderly_end():
             output = output_folder(arguments.output)
@@ -72,8 +73,8 @@ def main() -> int:
                 with console.progress(pattern.name or "/".join(pattern.tile)) as progress:
                     path = train(plan, output, arguments.jobs or processors(), progress, progress.remark)
                 console.say(str(path))
-    except PanchromaError as error:
-        console.error(str(error))
+    except Exception as error:
+        console.error(str(error) if isinstance(error, PanchromaError) else fault(error), cause=error)
         return 1
     except KeyboardInterrupt:
         to_stderr("interrupted: the same command goes on where this one stopped")

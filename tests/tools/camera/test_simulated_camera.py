@@ -185,8 +185,10 @@ def test_every_protocol_speaks_for_itself(protocol: type[Protocol]) -> None:
 def test_the_level_of_another_protocol_is_refused() -> None:
     assert chosen_protocol(None, {"sigma": None, "light": None}) == (PaperProtocol, None)
     wrong: list[tuple[str | None, dict[str, float]]] = [("paper", {"light": 1.0}), ("sensor", {"sigma": 0.0})]
-    for name, levels in [*wrong, (None, {"sigma": 0.0, "light": 1.0})]:
+    for name, levels in wrong:
         with pytest.raises(InputError, match="is not a level of `protocol`"):
             chosen_protocol(name, levels)
+    with pytest.raises(InputError, match="`sigma` and `light` set different kinds of noise; give one of them"):
+        chosen_protocol(None, {"sigma": 0.0, "light": 1.0})
     with pytest.raises(InputError, match="expected one of paper, sensor"):
         chosen_protocol("both", {})

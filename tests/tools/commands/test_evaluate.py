@@ -110,7 +110,7 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
 def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
-    light = ("--protocol", "sensor", "--light", "0.25", "--workers", "1", "--no-page", "--json")
+    light = ("--light", "0.25", "--workers", "1", "--no-page", "--json")
     options = ("--methods", "planes", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
     outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6", code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err

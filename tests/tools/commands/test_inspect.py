@@ -158,6 +158,36 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: 
         assert line.startswith(f"panchroma: {path}: damaged")
 
 
+def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
+    """A mosaic and a picture, as another maker's."""
+    shot, _, _, picture = archive(tmp_path / "ours")
+    others = [tmp_path / "theirs" / name for name in ("shot.dng", "picture.dng")]
+    others[0].parent.mkdir()
+    for path, ours in zip(others, (shot, picture), strict=True):
+        path.write_bytes(ours.read_bytes().replace(b"Panchroma", b"Otherwise"))
+    counted = "4 whole, 0 damaged, 2 of other programs, without a digest to check\n"
+    outcome = run("inspect", "--verify", tmp_path, code=0)
+    assert (outcome.out, outcome.errors) == (counted, [])
+    assert all(f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err for path in others)
+    records = run("inspect", "--verify", tmp_path, "--json", code=0).records
+    assert {record["source"] for record in records if record.get("foreign")} == set(map(str, others))
+    outcome = run("inspect", "--verify", *others, code=1)  # they were named
+    assert (outcome.out, len(outcome.errors)) == ("0 whole, 0 damaged, 2 of other programs, without a digest to check\n", 2)
+
+
+@pytest.mark.parametrize(
+    ("lost", "counted"), [(b"Panchroma mosaic\0", "0 whole, 1 damaged"), (b"Panchroma\0", "1 whole, 0 damaged")]
+)
+def test_a_shot_that_has_lost_a_name_of_ours_is_not_taken_for_that_of_another_program(
+    tmp_path: Path, lost: bytes, counted: str
+) -> None:
+    path = save(tmp_path / "shot.dng", mosaic(shape=(20, 30)))
+    data = path.read_bytes()
+    assert lost in data
+    path.write_bytes(data.replace(lost, b"P" + bytes(len(lost) - 1)))
+    assert run("inspect", "--verify", tmp_path).out.startswith(f"{counted}\n")
+
+
 def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path) -> None:
     path = save(tmp_path / "shot.dng", mosaic())
     jpeg = read_preview(path)

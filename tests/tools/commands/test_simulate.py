@@ -52,10 +52,11 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
     assert np.array_equal(truth, scene)
 
 
-def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
+@pytest.mark.parametrize("named", [(), ("--protocol", "sensor")])
+def test_the_sensor_protocol_clips_and_counts_photons(out: Path, named: tuple[str, ...]) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
     expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, noise_of(0, SHOT))
-    shot = simulate(out, "--protocol", "sensor", "--light", "4")
+    shot = simulate(out, *named, "--light", "4")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095

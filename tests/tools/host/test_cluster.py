@@ -1,5 +1,6 @@
 """What can go wrong with a scheduler and its workers, and what the user is told: by one line, and without an endless wait."""
 
+import pickle
 import re
 import shutil
 import signal
@@ -17,6 +18,7 @@ from tests.tools.command import assert_refused, ended, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import cluster as module
 from tools.host.cluster import Cluster, Program, program, source_digest
+from tools.host.console import WorkerFault
 from tools.host.progress import StageProgress
 
 pytest.importorskip("distributed")
@@ -85,6 +87,15 @@ def test_a_worker_that_comes_late_refuses_the_work_of_another_source() -> None:
     with pytest.raises(InputError, match="runs another source of Panchroma"):
         module._done("another", length, "four")
     assert module._done(program().source, length, "four") == (4, ["at four"])
+
+
+def test_a_fault_on_a_worker_comes_with_its_traceback() -> None:
+    error, _ = module._done(program().source, lambda piece, listener: length(None, listener), "four")
+    told = pickle.loads(pickle.dumps(error))
+    assert isinstance(told, WorkerFault)
+    assert str(told).startswith("a fault of Panchroma, please report it: ")
+    assert told.trace.startswith("Traceback (most recent call last):")
+    assert ", in length" in told.trace
 
 
 class _Client:

@@ -16,7 +16,7 @@ from shared.errors import InputError, PanchromaError
 from tests.tools.command import contents, ended, results, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import signals
-from tools.host.console import WorkerFault, fault
+from tools.host.console import Console, WorkerFault, fault
 from tools.host.processes import Processes
 from tools.host.progress import Note, StageProgress
 from tools.pictures.kind import PictureKind
@@ -84,6 +84,17 @@ def test_a_fault_in_a_worker_is_told_with_its_place() -> None:
         assert isinstance(error, WorkerFault)
         assert fault(error).startswith("a fault of Panchroma, please report it: IndexError in ")
         assert "work.py" in str(error)
+        assert ", in odd\n    return [0][piece]" in error.trace.replace("~", "").replace("^", "")
+
+
+def test_the_traceback_of_a_fault_in_workers_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
+    for verbose in (False, True):
+        console = Console(verbose=verbose)
+        for _, error in pool(odd, [1, 2, 3]):
+            console.error(fault(error), cause=error)
+        shown = capsys.readouterr().err
+        assert (shown.count("Traceback"), shown.count(", in odd")) == (verbose, verbose)
+        assert shown.count("please report it") == 3
 
 
 def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:

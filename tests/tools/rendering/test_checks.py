@@ -16,7 +16,7 @@ from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tests.tools.rendering.examples import save_mosaic
 from tools.host import memory
-from tools.host.memory import allowed_memory, available_memory, format_bytes, parse_bytes
+from tools.host.memory import allowed_memory, format_bytes, parse_bytes
 from tools.host.progress import LineProgress, StageProgress
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
@@ -54,17 +54,6 @@ def test_other_words_are_refused(option: str) -> None:
 def test_left_open_it_is_most_of_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "available_memory", lambda: 1000)
     assert allowed_memory(None) == 800
-
-
-def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "_CGROUP", tmp_path)
-    everything = available_memory()
-    assert everything > 2**20
-    (tmp_path / "memory.current").write_text("3000\n")
-    (tmp_path / "memory.max").write_text("5000\n")
-    assert available_memory() == 2000
-    (tmp_path / "memory.max").write_text("max\n")
-    assert available_memory() > 2**20
 
 
 @pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])

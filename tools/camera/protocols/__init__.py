@@ -21,10 +21,12 @@ def chosen_protocol(name: str | None, levels: Mapping[str, Given | None]) -> tup
 
     name: in PROTOCOLS; None = that of the level which is given, or else the paper's.
     levels: what is given under the names of the protocols' levels (`Protocol.option`).
-    Raises InputError for an unknown protocol, and for the level of another one.
+    Raises InputError for an unknown protocol, for the level of another one, and for levels of two.
     """
     given = [option for option, level in levels.items() if level is not None]
     if name is None:
+        if len(given) > 1:
+            raise InputError(f"{' and '.join(f'`{option}`' for option in given)} set different kinds of noise; give one of them")
         name = next((each.name for each in PROTOCOLS.values() if each.option in given), PaperProtocol.name)
     if name not in PROTOCOLS:
         raise InputError(f"`protocol` is {name!r}, expected one of {', '.join(PROTOCOLS)}")

@@ -24,7 +24,7 @@ class PaperProtocol(Protocol):
     name = "paper"
     option = "sigma"
     metavar = "S"
-    help = "standard deviation of the noise of the protocol paper, scene units"
+    help = "additive Gaussian noise: its standard deviation, scene units"
     summary = "additive Gaussian noise, no clipping"
     default = 0.0
     usual = (0.0, 0.01, 0.02, 0.03)

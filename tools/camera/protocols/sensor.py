@@ -30,7 +30,7 @@ class SensorProtocol(Protocol):
     name = "sensor"
     option = "light"
     metavar = "FACTOR"
-    help = "amount of light of the protocol sensor, 2 is one stop more"
+    help = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
     summary = "shot and read noise, clipped at full scale"
     default = 1.0
     usual = (1.0, 1 / 4, 1 / 16)

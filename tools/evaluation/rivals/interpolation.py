@@ -9,7 +9,6 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from tools.camera.bayer import channel_map
-from tools.host.font_folder import temporary_font_folder
 
 from ..method import Method
 
@@ -31,7 +30,6 @@ def demosaic_bilinear(mosaic: FloatArray) -> FloatArray:
 
 
 def _by_colour_demosaicing(name: str, mosaic: FloatArray) -> FloatArray:
-    temporary_font_folder()
     import colour_demosaicing
 
     return np.asarray(getattr(colour_demosaicing, name)(mosaic), np.float32)

@@ -1,0 +1,66 @@
+"""What is only looked at is not written to: a finished archive can be checked where nothing can be written."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.tools.command import contents, run, spawn
+from tests.tools.rendering.examples import save_shot
+
+# A disk below the first argument that can be read alone: whatever would write to it ends the program.
+SCRIPT = """
+import os, sys
+
+place = sys.argv.pop(1)
+kinds = ("os.mkdir", "os.remove", "os.rename", "os.link", "os.symlink", "os.rmdir", "os.chmod", "os.truncate")
+really = os.access
+os.access = lambda path, mode, **how: really(path, mode, **how) and not mode & os.W_OK
+
+def watch(event, given):
+    writing = event in kinds or (event == "open" and given[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+    if writing and any(isinstance(path, str | bytes | os.PathLike) and os.fsdecode(path).startswith(place) for path in given[:2]):
+        os.write(2, f"{event} {given}".encode())
+        os._exit(99)
+
+sys.addaudithook(watch)
+from tools.cli import main
+main()
+"""
+
+
+PLACES = ("shots", "pictures", "results", "new", "report")
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Shots in `shots` and below, and all that is made of them."""
+    tmp_path = tmp_path_factory.mktemp("archive")
+    for number, name in enumerate(("1.dng", "2.dng", "below/3.dng")):
+        save_shot(tmp_path / "shots" / name, number)
+    run("render", tmp_path / "shots", "-o", tmp_path / "pictures", "--preset", "paper", code=0)
+    left = tmp_path / "pictures" / "below" / ".3.tif.12345678.panchroma.part"
+    left.write_bytes(b"half of a picture, which the next run removes")
+    run("evaluate", "builtin:60x60", "-o", tmp_path / "results", "--methods", "bilinear", "--sigma", "0", "--no-page", code=0)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("render shots -o pictures --preset paper --resume --dry-run", "3 up to date"),
+        ("render shots -o pictures --resume --dry-run", "3 to be made"),
+        ("render shots -o pictures --preset paper --resume --dry-run --scheduler tcp://localhost:1", "3 up to date"),
+        ("render shots -o new --dry-run", "3 to be made"),
+        ("burst shots/1.dng shots/2.dng -o pictures -f png --report report --dry-run", "shots/1.dng -> "),
+        ("inspect shots", "samples match their digest"),
+        ("inspect --verify shots", "3 whole, 0 damaged"),
+        ("evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run", "0 results to make, 1 kept"),
+        ("evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run", "1 results to make, 0 kept"),
+    ],
+)
+def test_a_dry_run_and_a_check_write_nothing(archive: Path, line: str, says: str) -> None:
+    before = contents(archive)
+    words = (str(archive / word) if word.partition("/")[0] in PLACES else word for word in line.split())
+    outcome = spawn(f"{archive}/", *words, script=SCRIPT, code=0)
+    assert says in outcome.out + outcome.err
+    assert contents(archive) == before
