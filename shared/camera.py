@@ -1,6 +1,6 @@
 """camera.json: the calibration of one camera, its filter pattern, and how each part was measured.
 
-The file is the JSON object of a calibration with two more fields, "pattern" and "measured". Both are optional, so a bare
+The file is the JSON object of a calibration with three more fields, "pattern", "size" and "measured". All are optional, so a bare
 calibration is a valid camera file.
 """
 
@@ -30,7 +30,9 @@ class Camera:
     calibration: the calibration; its field `camera` is set to its own id.
     pattern: the filter pattern that the camera was measured with; None = unknown.
     measured: part (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
-    Raises InputError when pattern and calibration have different channels, and when `measured` names an unknown part.
+    size: (rows, columns) of the frames that it was measured on; None = unknown.
+    Raises InputError when pattern and calibration have different channels, when `measured` names an unknown part, and for a `size`
+    that no frame has.
 
     >>> import json
     >>> from pathlib import Path
@@ -45,6 +47,7 @@ class Camera:
     calibration: SensorCalibration
     pattern: CfaPattern | None = None
     measured: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "calibration", replace(self.calibration, camera=self.calibration.id))
@@ -55,14 +58,22 @@ class Camera:
                 raise InputError(f"camera: measured has an unknown part {part!r}; one of {', '.join(MEASURABLE)}")
             if not isinstance(how, Mapping):
                 raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
+        if self.size is not None:
+            sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
+            if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
+                raise InputError(f"camera: size is {shown(self.size)}, expected [rows, columns]")
+            object.__setattr__(self, "size", sides)
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
         """The shot with this camera's calibration; what it does not know of colours, noise, defects and lens stays the shot's.
 
         A camera with two lights knows no white: that of the shot counts, or, where nobody has measured it, an estimate.
-        Raises InputError when the shot has another sensor, pattern, or number of bits; the message names both.
+        Raises InputError when the shot has another sensor, pattern, or number of bits, and when it has another size and the camera
+        lists defects, which would be elsewhere in it; the message names both.
         """
         self.check(mosaic.pattern, mosaic.calibration)
+        if self.calibration.defects:
+            self.check_size(mosaic.shape)
         known, own = self.calibration, mosaic.calibration
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
         white = known if colours is known and known.knows_white else own
@@ -101,12 +112,20 @@ class Camera:
                 f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: they belong to different sensors"
             )
 
+    def check_size(self, shape: tuple[int, int]) -> None:
+        """Raise InputError unless this camera was measured on frames of this shape, or does not say; the message names both."""
+        if self.size and self.size != shape:
+            (rows, columns), (height, width) = shape, self.size
+            raise InputError(f"the frames have {columns} x {rows} pixels, those of the camera file {width} x {height}")
+
     def to_json(self) -> dict[str, Any]:
         """The camera as a JSON object, the content of camera.json; `from_json` turns it back."""
         document = self.calibration.to_json()
         del document["camera"]  # the file's own id
         if self.pattern is not None:
             document["pattern"] = asdict(self.pattern)
+        if self.size is not None:
+            document["size"] = list(self.size)
         if self.measured:
             document["measured"] = {part: dict(self.measured[part]) for part in MEASURABLE if part in self.measured}
         return document
@@ -117,10 +136,10 @@ class Camera:
         if not isinstance(document, dict):
             raise InputError(f"camera: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
-        pattern, measured = given.pop("pattern", None), given.pop("measured", {})
+        pattern, measured, size = given.pop("pattern", None), given.pop("measured", {}), given.pop("size", None)
         if not isinstance(measured, dict):
             raise InputError(f"camera: measured is {shown(measured)}, expected an object")
-        return cls(SensorCalibration.from_json(given), None if pattern is None else _pattern(pattern), measured)
+        return cls(SensorCalibration.from_json(given), None if pattern is None else _pattern(pattern), measured, size)
 
 
 def read_camera(path: Path | str) -> Camera:

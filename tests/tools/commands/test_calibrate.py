@@ -13,7 +13,7 @@ from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
 from shared.errors import InputError
 from shared.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
 from tools.calibration.reference import read_reference, ti3
 from tools.commands.calibrate import color_checker_xyz
@@ -21,10 +21,10 @@ from tools.commands.calibrate import color_checker_xyz
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 
 
-STEPS: dict[str, list[str]] = {
+STEPS: dict[str, list[Any]] = {
     "chart": ["chart.dng", "--corners", *CORNERS],
-    "dark": ["--dark", "dark0.dng", "dark1.dng"],
-    "flat": ["--flat", *(f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2))],
+    "dark": repeated("--dark", ("dark0.dng", "dark1.dng")),
+    "flat": repeated("--flat", [f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2)]),
 }
 
 
@@ -76,7 +76,7 @@ def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Pat
     assert first["verdict"] == "use it with care"
     assert "noise was not measured; take pairs of flat frames (--flat), and dark frames (--dark)" in first["warnings"]
     before, text = read_camera(output), output.read_text()
-    outcome = run("calibrate", "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update", code=0)
+    outcome = run("calibrate", *repeated("--dark", folder.glob("dark*")), "-o", output, "--update", code=0)
     after = read_camera(output)
     replaced = {part: getattr(after.calibration, part) for part in ("black_level", "defects")}
     assert after.calibration == replace(before.calibration, **replaced, camera=after.calibration.id)
@@ -87,11 +87,16 @@ def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Pat
 
 
 def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(folder: Path, tmp_path: Path) -> None:
-    grey, output = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2))), tmp_path / "camera.json"
+    halves, output = np.full((60, 90, 3), 0.2), tmp_path / "camera.json"
+    halves[:, 45:] = 0.5
+    grey = save(tmp_path / "grey.dng", frame(halves))
     dark = folder / "dark0.dng"
     copy = save(tmp_path / "copy.dng", read_dng(dark))
     said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
-    for words, why in (([grey, tmp_path / "absent.dng"], said), (["--dark", dark, copy], "copy.dng and .* have the same noise")):
+    for words, why in (
+        ([grey, tmp_path / "absent.dng"], said),
+        (repeated("--dark", (dark, copy)), "copy.dng and .* have the same noise"),
+    ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()
 
@@ -99,7 +104,7 @@ def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good
 def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
     """The only chart is of another period, and is skipped: then there is no camera. Without a chart the verdict says so."""
     other, output = save(tmp_path / "other.dng", frame(chart().rgb, 8)), tmp_path / "camera.json"
-    darks = ["--dark", str(folder / "dark0.dng"), str(folder / "dark1.dng")]
+    darks = repeated("--dark", (folder / "dark0.dng", folder / "dark1.dng"))
     outcome = run("calibrate", other, *darks, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["ok"], output.exists()) == (1, False, False)
     assert "period 8" in outcome.err
@@ -163,7 +168,8 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
         run("simulate", f"{kind}:720x480", "-o", to, "--protocol", "sensor", "--seed", str(seed), *lit, code=0)
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
-    outcome = run("calibrate", *frames["chart"], "--dark", *frames["dark"], "--flat", *frames["flat"], "-o", output, "--json")
+    others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]
+    outcome = run("calibrate", *frames["chart"], *others, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])
     assert outcome.records[-1]["verdict"] == "use it"
     camera = read_camera(output)
