@@ -45,9 +45,8 @@ class Content:
         """Return of each pair of neighbouring tiles whether the light differs from one to the other by more than noise explains."""
         rows, columns = (min(max(length // _TILES, 2), length) for length in self._clear.shape)
         high, wide = self._clear.shape[0] // rows, self._clear.shape[1] // columns
-        tiles = (
-            self._clear[: high * rows, : wide * columns].reshape(high, rows, wide, columns).swapaxes(1, 2).reshape(high, wide, -1)
-        )
+        tiles = self._clear[: high * rows, : wide * columns].reshape(high, rows, wide, columns).swapaxes(1, 2)
+        tiles = tiles.reshape(high, wide, rows * columns)
         middle = np.median(tiles, axis=2)
         error = float(np.median(np.abs(tiles - middle[..., None]))) * 1.4826 * np.sqrt(np.pi / tiles.shape[2])
         light = np.log(np.maximum(middle, max(0.02 * self.brightest, 1e-6)))
@@ -72,10 +71,7 @@ class Content:
     @property
     def is_even(self) -> bool:
         """Whether there is no step at all."""
-        steps, light, error = self._steps
-        return (
-            steps.size >= _LEAST_PAIRS and not ((np.abs(steps) > max(_LEAST_STEP, _NOISE * error)) & (np.abs(light) > _STEP)).any()
-        )
+        return self._steps.size >= _LEAST_PAIRS and not self._steps.any()
 
     @property
     def is_dim(self) -> bool:

@@ -73,8 +73,7 @@ def _reference(text: str) -> DoubleArray:
     try:
         values = np.array([[float(row[fields.index(column)]) for column in columns] for row in rows])
     except ValueError as error:
-        commas = any("," in row[fields.index(column)] for row in rows for column in columns)
-        raise InputError(f"{error}{'; CGATS has decimal points, and spaces or tabs between values' if commas else ''}") from None
+        raise InputError(str(error)) from None
     if not np.isfinite(values).all():
         raise InputError("a colour is not a finite number")
     labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
@@ -147,17 +146,20 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
 
 def _table(text: str) -> tuple[list[str], list[list[str]]]:
     """Return field names and rows of the first table."""
-    words = [quoted or bare for quoted, bare in _WORD.findall(text)]
+    pairs = _WORD.findall(text)
+    words = [quoted or bare for quoted, bare in pairs]
     try:
         begin = words.index("BEGIN_DATA_FORMAT")
         fields = words[begin + 1 : words.index("END_DATA_FORMAT", begin)]
         begin = words.index("BEGIN_DATA")
-        words = words[begin + 1 : words.index("END_DATA", begin)]
+        data = slice(begin + 1, words.index("END_DATA", begin))
     except ValueError:
         raise InputError("is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
+    if comma := next((bare for _, bare in pairs[data] if "," in bare), ""):
+        raise InputError(f"{comma} has a comma; CGATS has decimal points, and spaces or tabs between values")
+    words = words[data]
     if not fields or len(words) % len(fields):
-        commas = "; CGATS has spaces or tabs between values, and no commas" if any("," in word for word in words) else ""
-        raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields{commas}")
+        raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields")
     return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
 
 

@@ -64,7 +64,7 @@ class Session:
             if "black_level" in old.measured:
                 self._known["black_level"] = old.calibration.black_level
         self._frames: dict[tuple[bytes, bool], tuple[str, str]] = {}  # digest of the samples, edges or not -> path, kind
-        self._base_path = ""
+        self._base_path = self._doubt = ""
         self._stated: SensorCalibration | None = None  # by the frame that was read last
         self.seen = Observations()
 
@@ -76,6 +76,8 @@ class Session:
         self.seen.lights = tuple(kind for kind in files if kind not in KINDS)
         for light in self.seen.lights:
             self.shots(files[light], chart_colours, light=light)
+        if self._doubt and not self.seen.shots:
+            self.seen.remarks.append(self._doubt)
         self.edges(files["edges"], filled)
         return self.seen
 
@@ -98,6 +100,11 @@ class Session:
         if frames := self._unshaded(paths, "flat"):
             with self._skipping(paths):
                 refuse_copies(frames, FLAT_ALIKE)
+                if self.seen.dark and self._stated and _far(self.seen.dark.black.tolist(), self._stated):
+                    self._doubt = (
+                        f"flat frames state black level {figures(self._stated.black_level)}, dark frames show "
+                        f"{figures(self.seen.dark.black)} codes, and noise and shading rest on the latter; a chart shows which is right"
+                    )
                 self._measure_shading(frames)
                 self._measure_noise(paths, frames)
 
