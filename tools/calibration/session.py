@@ -101,9 +101,10 @@ class Session:
             with self._skipping(paths):
                 refuse_copies(frames, FLAT_ALIKE)
                 if self.seen.dark and self._stated and _far(self.seen.dark.black.tolist(), self._stated):
+                    stated, shown = figures(self._stated.black_level), figures(self.seen.dark.black)
                     self._doubt = (
-                        f"flat frames state black level {figures(self._stated.black_level)}, dark frames show "
-                        f"{figures(self.seen.dark.black)} codes, and noise and shading rest on the latter; a chart shows which is right"
+                        f"flat frames state black level {stated}, dark frames show {shown} codes, on which noise and shading rest; "
+                        "a chart shows which is right"
                     )
                 self._measure_shading(frames)
                 self._measure_noise(paths, frames)

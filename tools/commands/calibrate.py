@@ -2,8 +2,8 @@
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
 be a folder with DNGs in it or below: what is named dark*, flat* or edges*, or lies in a subfolder of such a name, is a dark or a
-flat frame or a shot for --edges, the others are shots. --dark, --flat and --edges take one file or folder each, and are repeated for
-more. A shot that cannot be used is skipped, with the reason. All is kept in one camera.json.
+flat frame or a shot for --edges, the others are shots. --dark, --flat and --edges take one file or folder each, and are repeated
+for more. A shot that cannot be used is skipped, with the reason. All is kept in one camera.json.
 """
 
 import argparse
