@@ -8,7 +8,7 @@ from shared import Mosaic
 from shared.arrays import BoolArray
 from shared.errors import InputError
 
-from .samples import CLIPPED, levels_of, without
+from .samples import CLIPPED, levels_of, robust_deviation, without
 
 _TILES = 24  # along each side
 _DARK, _LEAST_CODES = 1 / 1024, 3.0  # of full scale, and codes: in less light than that filters do not differ
@@ -42,13 +42,14 @@ class Content:
 
     @cached_property
     def _steps(self) -> BoolArray:
-        """Return of each pair of neighbouring tiles whether the light differs from one to the other by more than noise explains."""
+        """Return of each pair of neighbouring tiles whether the light differs by more than noise explains."""
         rows, columns = (min(max(length // _TILES, 2), length) for length in self._clear.shape)
         high, wide = self._clear.shape[0] // rows, self._clear.shape[1] // columns
         tiles = self._clear[: high * rows, : wide * columns].reshape(high, rows, wide, columns).swapaxes(1, 2)
-        tiles = tiles.reshape(high, wide, rows * columns)
-        middle = np.median(tiles, axis=2)
-        error = float(np.median(np.abs(tiles - middle[..., None]))) * 1.4826 * np.sqrt(np.pi / tiles.shape[2])
+        samples = tiles.reshape(high, wide, rows * columns)
+        middle = np.median(samples, axis=2)
+        # Of a median, sqrt(pi / 2) times that of a mean; of two, sqrt(2) times more.
+        error = float(robust_deviation(samples - middle[..., None])) * np.sqrt(np.pi / (rows * columns))
         light = np.log(np.maximum(middle, max(0.02 * self.brightest, 1e-6)))
         steps, ratios = (np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)]) for each in (middle, light))
         large: BoolArray = (np.abs(steps) > max(_LEAST_STEP, _NOISE * error)) & (np.abs(ratios) > _STEP)
@@ -112,15 +113,18 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
         )
 
 
-def why_no_chart(mosaic: Mosaic) -> str:
-    """Return what a frame in which no chart was found shows instead; "" if that is nothing in particular."""
+def why_no_chart(mosaic: Mosaic, *, found: bool) -> str:
+    """Return why a frame shows no chart that can be measured, by what it shows instead; "" if that is nothing in particular.
+
+    found: whether it does show a chart, at least.
+    """
     content = Content(mosaic)
     if content.is_dark(black_measured=False) and content.is_dim:
         return "no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by `dark`"
     if content.is_dim:
-        return (
-            f"no ColorChecker was found: it is too dark: {content.reading}; expose more, so that white reads about three quarters"
-        )
+        return f"it is too dark for a chart: {content.reading}; expose more, so that white reads about three quarters"
+    if found:
+        return ""
     if content.clipped > _OVEREXPOSED:
         part = f"{100 * content.clipped:.0f} % of its panchromatic samples are clipped"
         return f"no ColorChecker was found: it is over-exposed: {part}; expose less, so that white reads about three quarters"

@@ -166,11 +166,11 @@ class Session:
         """Measure a shot of a chart. Raises InputError that blames the dark frames, or the light, where these are to blame."""
         assumed = self._assumed(mosaic.calibration)
         measured: ShotMeasurement | None = None
-        reason: InputError | None = None
+        fault = ""
         try:
             measured = measure_chart(name, mosaic, chart_colours, corners, progress, assumed)
         except InputError as error:
-            reason = error
+            fault = str(error)
         by_stated: ShotMeasurement | None = None
         if stated := self._with_stated_black(mosaic):
             with suppress(InputError):
@@ -183,7 +183,7 @@ class Session:
                 "and temperature of the other shots"
             )
         if measured is None:
-            raise InputError(why_no_chart(mosaic) or str(reason))
+            raise InputError(why_no_chart(mosaic, found="ColorChecker" not in fault and "too small" not in fault) or fault)
         if measured.places is not None and measured.places.mean[_WHITE, -1] < _DIM:
             level = 100 * measured.places.mean[_WHITE, -1]
             self.seen.remarks.append(f"{name} is dark: its white patch reads {level:.1f} % of full scale; expose more, up to 75 %")
