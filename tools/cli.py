@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import takewhile
@@ -16,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault, one_line, to_stdout
+from tools.host.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 from tools.host.versions import program_version
 
@@ -135,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     _open_streams()
     console = Console()
     try:
-        with orderly_end(last=argv is None):
+        with orderly_end(last=argv is None), warnings.catch_warnings():
             if argv is None:
                 atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
             code = 0
@@ -146,6 +147,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 console = Console(options=options)
                 parsed = parser.parse_args(arguments)
                 console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, options=options)
+                note_warnings(console.note)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)
             finally:

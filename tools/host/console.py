@@ -5,7 +5,8 @@ import re
 import sys
 import traceback
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -119,6 +120,19 @@ def fault(error: BaseException) -> str:
     place = (ours or frames)[-1]
     where = f"{Path(place.filename).name}:{place.lineno}"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
+
+
+def note_warnings(note: Callable[[str], None]) -> None:
+    """Give warnings of Panchroma itself to `note`, for the rest of this program; others are shown as before."""
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if category.__module__.partition(".")[0] in OUR_PACKAGES:
+            note(str(message))
+        else:
+            usual(message, category, *place)
+
+    warnings.showwarning = show
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:

@@ -15,6 +15,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 from shared.errors import InputError
 from shared.processors import THREADS
 
+from .console import note_warnings
 from .progress import Note, StageProgress
 from .signals import deferred_signals, end_with_parent, raise_lost_signal, send_again_if_lost
 from .work import Here, portable, result_or_error
@@ -148,6 +149,7 @@ def _serve(connection: Connection, work: Callable[[P, StageProgress], R]) -> Non
         with suppress(OSError):  # the parent has ended
             connection.send((True, text))
 
+    note_warnings(note)
     with suppress(EOFError, OSError):
         while True:
             connection.send((False, portable(result_or_error(work, connection.recv(), StageProgress(note=note)))))
