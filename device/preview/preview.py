@@ -14,7 +14,7 @@ from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
-from shared.processors import processors
+from shared import processors
 from shared.runtime import session
 
 from . import contract
@@ -34,7 +34,7 @@ class Preview:
     pattern: the filter pattern; its origin does not matter.
     scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
     linear: scene units instead of a picture for a screen.
-    threads: number of strips that are processed at a time; None = the number of processors that this process may use.
+    threads: number of strips that are processed at a time; None = as `shared.processors.threads` says where it is run.
     Raises InputError when the pattern has no preview of this scale.
 
     >>> import numpy as np
@@ -54,7 +54,7 @@ class Preview:
         self._geometry, self._linear = Geometry(pattern, scale), linear
         # What was just computed is in the cache: 3 % less time. At full resolution, with a chain of nodes per pixel, it is more.
         self._session = session(build_preview(pattern, scale, linear=linear), as_written=scale > 1)
-        self._threads = threads or processors()
+        self._threads = threads
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
@@ -100,8 +100,9 @@ class Preview:
                 develop(patches, buffer)
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose start is interrupted.
-        with ThreadPoolExecutor(self._threads, "preview") as pool:
-            list(pool.map(work, range(self._threads)))  # raises an error of a strip
+        threads = self._threads or processors.threads()
+        with ThreadPoolExecutor(threads, "preview") as pool:
+            list(pool.map(work, range(threads)))  # raises an error of a strip
         return picture
 
     def _check(self, pattern: CfaPattern) -> None:
