@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared import processors
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import SensorCalibration
 from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
-from shared import processors
 from shared.runtime import session
 
 from . import contract

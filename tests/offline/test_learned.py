@@ -274,7 +274,6 @@ def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.
     damaged = tmp_path / "rggb-k6.onnx"
     damaged.write_bytes(b"nothing")
     monkeypatch.setattr("offline.render.network_for", lambda _: damaged)
-    monkeypatch.setattr("shared.runtime.session", None)
     mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     assert rendering_memory(mosaic, BEST) > rendering_memory(mosaic, WITHOUT) + 90e6
 
