@@ -118,7 +118,7 @@ class Measured:
 
     pattern: of the frame.
     calibration: of the samples. With shading, light still falls off as of the panchromatic plane, equally for all filters.
-    luminance: of every pixel, float32 (H, W), in units of 2^exponent scene units, as everything here.
+    luminance: of every pixel, float32 (H, W), scene units, as everything here.
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
     samples: of the whole blocks; None where the settings do nothing with them.
     lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
@@ -138,7 +138,6 @@ class Measured:
     blocks: FloatArray
     samples: BlockSamples | None = None
     lost: ByteArray | None = None
-    exponent: int = 0
     fringes: Fringes | None = None
 
     @property

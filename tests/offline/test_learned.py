@@ -1,5 +1,6 @@
 """The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is told by the evaluation."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -273,7 +274,7 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
 def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     damaged = tmp_path / "rggb-k6.onnx"
     damaged.write_bytes(b"nothing")
-    monkeypatch.setattr("offline.render.network_for", lambda _: damaged)
+    monkeypatch.setattr(sys.modules["offline.render"], "network_for", lambda _: damaged)  # `offline.render` is the function
     mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     assert rendering_memory(mosaic, BEST) > rendering_memory(mosaic, WITHOUT) + 90e6
 
