@@ -22,7 +22,7 @@ from .aberration import without_aberration
 from .blocks import BlockSums
 from .cleaned import Cleaned, unclipped_blocks
 from .kernels.mixing import colour
-from .measured import Measured, Stages
+from .measured import Measured, Stages, make_stages
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
 from .rows.fringes import faults_of_lens
@@ -99,7 +99,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
-    'affinity'
+    'propagation'
     """
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
@@ -321,16 +321,19 @@ def parts_of(
     measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
-    return iter(finish(_grey(measured, progress), stages(measured, settings, progress), measured.shape[0], progress))
+    made = make_stages(stages, measured, settings, progress)
+    coloured = any(isinstance(stage, Propagation) for stage in made)
+    return iter(finish(_grey(measured, progress, whole=not coloured), made, measured.shape[0], progress))
 
 
-def _grey(measured: Measured, progress: Progress) -> Iterator[Part]:
-    """The picture without colour."""
+def _grey(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
+    """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one value for all pixels."""
     steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
     progress.stage("colour", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
-        yield Part(first, luminance, np.broadcast_to(grey, (*luminance.shape, len(measured.gamma))))
+        chromaticity = np.broadcast_to(grey, (*luminance.shape, len(measured.gamma)))
+        yield Part(first, luminance, chromaticity.copy() if whole else chromaticity)
         progress.advance()
 
 

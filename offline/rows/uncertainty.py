@@ -23,7 +23,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 
 from ..kernels.uncertainty import WIDE, uncertainty
-from ..measured import Measured, Stages
+from ..measured import Measured, Stages, make_stages
 from ..parts import Look, Part, RowStage
 from ..settings import RenderSettings
 from ..whole.noise import estimate_noise
@@ -135,6 +135,6 @@ def with_uncertainty(mosaic: Mosaic, stages: Stages, shares: FloatArray | None =
     (30, 40, 4)
     """
     return lambda measured, settings, progress: [
-        *stages(measured, settings, progress),
+        *make_stages(stages, measured, settings, progress),
         Uncertainty.of(mosaic, measured, settings, shares),
     ]

@@ -276,7 +276,7 @@ def test_progress_is_reported_stage_by_stage() -> None:
     mosaic = shot(*CASES["odd"])
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
     assert list(listener.steps) == ["luminance", "chromaticity", "colour"]
-    assert listener.parts == ["affinity", "propagation", "refinement"] * listener.steps["colour"]
+    assert listener.parts == ["propagation", "refinement"] * listener.steps["colour"]
     assert listener.done["luminance"] == listener.steps["luminance"]
     assert listener.done["colour"] == listener.steps["colour"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
