@@ -36,7 +36,7 @@ from .settings import BEST, RenderSettings
 from .sites import block_samples, settle_luminance
 from .solvers import Solved, SolverLog
 from .tiling import bands
-from .units import check_finite, check_units
+from .units import check_finite, check_frames
 from .whole.chromaticity import estimate_chromaticities
 from .whole.colour_lines import colour_lines
 from .whole.defects import mend_defects
@@ -240,7 +240,7 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> bool((cleaned(grey).signal == grey.signal).all())
     True
     """
-    check_units([mosaic])
+    check_frames([mosaic])
     # No name keeps the samples with their defects while highlights are restored, which needs the most memory.
     return restored(mend_defects(_with_defects(mosaic, settings, progress), settings.defects, progress), settings, progress)
 

@@ -1,4 +1,4 @@
-"""Frames have to be in scene units, whose white is about 1, and every picture is checked to be finite.
+"""Frames have to measure luminance, in scene units, whose white is about 1, and every picture is checked to be finite.
 
 Stages have thresholds in scene units, such as the luminance below which a pixel has no colour: samples in another unit would give
 a wrong picture without a word.
@@ -17,12 +17,18 @@ _FARTHEST = 2.0**10
 """Times white, or a fraction of it: the brightest sample of a frame in scene units lies within."""
 
 
-def check_units(mosaics: Sequence[Mosaic]) -> None:
-    """Raise InputError, which says by what to scale them, for frames of floating point that are not in scene units.
+def check_frames(mosaics: Sequence[Mosaic]) -> None:
+    """Raise InputError for frames without a panchromatic pixel, and for those of floating point that are not in scene units.
 
-    Codes always are: their calibration says what they mean, and a lens cap makes frames as dark as can be. So a frame that is dark
-    is taken as long as its brightest sample is half a code of its sensor, and so is one that is black.
+    The message says by what to scale the latter. Codes always are: their calibration says what they mean, and a lens cap makes
+    frames as dark as can be. So a dark frame is taken if its brightest sample is half a code of its sensor, and a black one too.
     """
+    for mosaic in mosaics:
+        height, width = mosaic.shape
+        if not mosaic.pattern.panchromatic_mask((min(height, mosaic.pattern.period), min(width, mosaic.pattern.period))).any():
+            raise InputError(
+                f"a frame of {width} x {height} pixels without a panchromatic one does not measure luminance; use a larger one"
+            )
     if any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics):
         return
     calibration = mosaics[0].calibration

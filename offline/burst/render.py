@@ -26,7 +26,7 @@ from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..rows.fringes import faults_of_lens
 from ..rows.uncertainty import with_uncertainty
 from ..settings import BEST, RenderSettings
-from ..units import check_units
+from ..units import check_frames
 from ..whole.denoising import denoise_luminance
 from ..whole.fringes import find_fringes, registered_samples
 from .copies import copies
@@ -81,7 +81,7 @@ def merge_burst(
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
     shots = [frames[number] for number in distinct]
-    check_units(shots)
+    check_frames(shots)
     first = None if reference is None else distinct.index(reference)
     found = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
     measured, samples, shares = _measured(found, settings, progress)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from offline import BEST, PAPER, RenderSettings, SolverLog, cleaned, render, render_bands
+from offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
 from offline.burst import merge_burst
 from offline.parts import Part, finish
 from offline.settings import UNLEARNED, AffinitySettings, ChromaticitySettings, LuminanceSettings
@@ -216,6 +216,25 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
         with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
             made()
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> None:
+    settings, calibration = PRESETS[preset], SensorCalibration.of_bits(12)
+    for pattern in (CfaPattern.bayer(6), CfaPattern.bayer(3, origin=(2, 1)), CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW")):
+        for shape in ((2, 3), (3, 2), (3, 3), (2, 60), (60, 2), (5, 7), (13, 4)):
+            try:
+                mosaic = Mosaic(np.random.default_rng(0).integers(300, 3000, shape).astype(np.uint16), pattern, calibration)
+            except InputError:  # no whole block
+                assert min(shape) < 4
+                continue
+            picture = render(mosaic, settings).rgb
+            assert picture.shape == (*shape, 3)
+            assert np.isfinite(picture).all()
+    block = Mosaic(np.full((2, 2), 900, np.uint16), CfaPattern.bayer(6), calibration)
+    for way in (lambda: render(block, settings), lambda: merge_burst([block, block], settings)):
+        with pytest.raises(InputError, match="2 x 2 pixels without a panchromatic one"):
+            way()
 
 
 @pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
