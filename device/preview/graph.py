@@ -18,7 +18,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "10"
+BUILDER = "11"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change."""
 
 
@@ -50,7 +50,7 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
     sizes: dict[str, Shape] = {contract.BLACK: [channels + 1], contract.SCALE: [channels + 1], contract.GAMMA: [channels]}
     sizes[contract.NOISE] = [2]
     if not g.linear:
-        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
+        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels], contract.GAIN: ["gain_rows", "gain_columns"]}
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},

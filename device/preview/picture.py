@@ -33,7 +33,8 @@ def burnt_out(g: PatternGraph, cells: str) -> str:
     """
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
-    return g("Clip", g("Add", g("Mul", cells, g("Div", -fall, g.full_scale)), 1 + fall * first), 1 / _BURNT, 1.0)
+    slope = g("Div", g("Div", -fall, g.full_scale), contract.GAIN)
+    return g("Clip", g("Add", g("Mul", cells, slope), 1 + fall * first), 1 / _BURNT, 1.0)
 
 
 def display(g: PatternGraph, camera: str) -> str:

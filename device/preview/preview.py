@@ -76,13 +76,15 @@ class Preview:
         )
         above, below, left, right = self._geometry.halo
         frame, inputs = self._prepared(mosaic, rows.span(above, below), columns.span(left, right))
+        gain = None if linear else _gain(mosaic, rows, columns)
         picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
         width = columns.patches * pattern.period
 
         def develop(patches: range, buffer: NDArray[Any]) -> None:
             cut = buffer[: above + len(patches) * pattern.period + below]
             frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
-            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs})
+            raised = {} if gain is None else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
+            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised})
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
@@ -163,6 +165,18 @@ class _Axis:
     def span(self, before: int, after: int) -> tuple[int, int]:
         """(first, last + 1) sensor pixel of the patches, extended by `before` and `after` pixels."""
         return self.first - before, self.first + self.patches * self.period + after
+
+
+def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
+    """What the codes of each patch are raised by to undo shading, (patches down, across); (1, 1) without."""
+    shading, ones = mosaic.calibration.shading, np.ones((1, 1), np.float32)
+    if shading is None:
+        return ones
+    middles = [
+        (axis.first + axis.period // 2 + axis.period * np.arange(axis.patches)).clip(0, size - 1)
+        for axis, size in zip((rows, columns), mosaic.shape, strict=True)
+    ]
+    return np.ascontiguousarray(shading.of_plane(mosaic.shape)[np.ix_(*middles)])
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
