@@ -5,8 +5,9 @@ columns) or (patch rows, patch columns): the pixels at one place of all K x K pa
 colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
-all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`).
+all processors with fused multiply-add give the same bytes. This rules out the operators for reciprocals, powers, exponentials and
+reductions, and allows convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`), the one place
+where processors without that instruction round otherwise.
 """
 
 from shared.pattern import CfaPattern
