@@ -2,7 +2,9 @@
 
 **Geometry.** The graph takes any number of whole K x K patches (`shared.block_grid`), with a halo of further pixels on each side,
 and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
-origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
+origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input. README.md in
+this folder says how a frame is continued beyond its edges, which pixel the picture begins with, and what camera.json has to do with
+the inputs, and has an example without Panchroma.
 
 Inputs, for a pattern of C channels; float32 where nothing else is said:
     mosaic  (rows, columns)         sensor codes, or finer ones without shading (`device.preview.even_light`); uint16 at scale 1
