@@ -178,14 +178,14 @@ Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
 def make_stages(stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
     """The list that `stages` makes. Raises InputError if it is no function, or makes something else than stages."""
     if not callable(stages):
-        raise InputError(f"`stages` is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
+        raise InputError(f"stages is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
     made = stages(measured, settings, progress)
     if not isinstance(made, list | tuple):
-        raise InputError(f"`stages` made {type(made).__name__}, expected a list of stages")
+        raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:
         look = getattr(stage, "look", None)
         if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
-            raise InputError(f"`stages` made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
+            raise InputError(f"stages made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
         if not (look.reach >= 0 and look.step >= 1):
             raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
     return list(made)

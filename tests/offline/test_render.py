@@ -160,7 +160,7 @@ def test_a_dark_frame_with_aberration_is_registered_in_its_own_units() -> None:
     calibration = SensorCalibration(aberration=lens)
     exact = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
     bright = replace(exact, calibration=calibration)
-    dark = replace(bright, samples=bright.signal / 256)
+    dark = replace(bright, samples=bright.signal / np.float32(256))
     expected = cleaned(bright, PAPER).signal
     assert np.abs(expected - bright.signal).max() > 0.05
     assert np.sqrt(np.square(cleaned(dark, PAPER).signal * 256 - expected).mean()) < 0.02

@@ -127,8 +127,8 @@ class NoStage:
 @pytest.mark.parametrize(
     ("stages", "words"),
     [
-        ([], "`stages` is list, expected a function"),
-        (lambda *_: None, "`stages` made NoneType, expected a list"),
+        ([], "stages is list, expected a function"),
+        (lambda *_: None, "stages made NoneType, expected a list"),
         (lambda *_: [Own], "expected objects of classes derived from offline.RowStage"),
         (lambda *_: [NoStage()], "expected objects of classes derived from offline.RowStage"),
         (lambda *_: [None], "expected objects of classes derived from offline.RowStage"),
@@ -137,9 +137,9 @@ class NoStage:
     ],
 )
 def test_what_is_no_list_of_stages_is_refused(stages: Any, words: str) -> None:
-    for further in ({}, {"uncertainty": True}):
+    for uncertainty in (False, True):
         with pytest.raises(InputError, match=words):
-            render(shot(), BEST, stages=stages, **further)
+            render(shot(), BEST, stages=stages, uncertainty=uncertainty)
 
 
 def test_the_page_of_the_render_names_the_stages_as_the_code_does() -> None:
@@ -147,7 +147,7 @@ def test_the_page_of_the_render_names_the_stages_as_the_code_does() -> None:
     named = re.findall(r"\[`(\w+)`\]\(rows/", page)
     found: list[str] = []
     for pattern in (CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")):
-        ramp = Shading((np.linspace(0.9, 1.1, 16).reshape(4, 4).tolist(),) * 4, (48, 48))
+        ramp = Shading(np.tile(np.linspace(0.9, 1.1, 16).reshape(4, 4), (4, 1, 1)).tolist(), (48, 48))
         dark = replace(shot(48, 48, pattern), calibration=SensorCalibration(shading=ramp))
         for settings in (PAPER, BEST):
             found += [stage.name for stage in row_stages(measure(dark, settings), settings)]

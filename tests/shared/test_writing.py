@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO, BinaryIO, NoReturn
 
 import pytest
 
@@ -149,8 +149,12 @@ def test_an_error_of_another_file_is_not_said_of_this_one(tmp_path: Path) -> Non
 
 
 def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: Path) -> None:
+    def write(file: BinaryIO) -> None:
+        os.close(file.fileno())
+        file.write(bytes(1 << 20))
+
     with pytest.raises(OutputError, match=r"shot\.dng: cannot be written"), durable_file(tmp_path / "shot.dng") as file:
-        file.write(bytes(1 << 20) * (os.close(file.fileno()) is None))
+        write(file)
     assert list(tmp_path.iterdir()) == []
 
 

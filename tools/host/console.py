@@ -132,7 +132,7 @@ def note_warnings(note: Callable[[str], None]) -> None:
         else:
             usual(message, category, *place)
 
-    warnings.showwarning = show
+    warnings.showwarning = show  # type: ignore[assignment]  # the rest is the place, which ours do not need
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:

@@ -91,7 +91,7 @@ def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: i
 
 def _append(spool: IO[bytes], band: NDArray[Any], folder: Path) -> None:
     """Write a band at the end of the file. Raises OutputError."""
-    left = memoryview(band).cast("B")
+    left = band.data.cast("B")
     try:
         while left:
             left = left[spool.write(left) :]

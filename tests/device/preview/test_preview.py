@@ -40,8 +40,13 @@ def test_strips_and_threads_do_not_show(scale: int, linear: bool, monkeypatch: p
 
 
 def test_threads_are_those_of_the_program_or_of_its_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    pools, pool = [], runtime.ThreadPoolExecutor
-    monkeypatch.setattr(runtime, "ThreadPoolExecutor", lambda count, name: pools.append(count) or pool(count, name))
+    pools: list[int] = []
+
+    def pool(count: int, name: str) -> ThreadPoolExecutor:
+        pools.append(count)
+        return ThreadPoolExecutor(count, name)
+
+    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pool)
     mosaic = shot()
     preview = Preview.for_mosaic(mosaic)
     monkeypatch.setattr(processors, "chosen", processors._Chosen())  # none chosen; the environment may change after it is built
