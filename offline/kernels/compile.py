@@ -1,10 +1,7 @@
 """Numba's decorators with the options that all kernels share, typed, and the kernels' cache on disk."""
 
-import gc
 import hashlib
-import importlib
 import re
-import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -37,8 +34,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _IMPORT = re.compile(r"^from (\.+|shared\.)([\w.]+) import ", re.MULTILINE)
 _SHARED = Path(__file__).parents[2] / "shared"
-# Numba asks whether there is a BLAS, and so loads SciPy's linear algebra, for a quarter of a second. No kernel needs it.
-_BLAS = "scipy.linalg.cython_blas"
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
@@ -111,26 +106,8 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return name is not None and Path(self._cache_path, name).exists()
 
 
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Python's collector of cycles would look through all that Numba makes again and again: a twentieth of the time."""
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
-
-
 def _announce() -> None:
-    """Tell who listens that a kernel is about to be compiled, and load what Numba then needs."""
-    if "numba.np.arraymath" not in sys.modules and _BLAS not in sys.modules:
-        sys.modules[_BLAS] = None  # type: ignore[assignment]  # importing it fails at once
-        try:
-            importlib.import_module("numba.np.arraymath")
-        finally:
-            del sys.modules[_BLAS]
+    """Tell who listens that a kernel is about to be compiled."""
     for begins in _listeners.get():
         begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
 
@@ -162,7 +139,7 @@ class ParallelKernel(Generic[P]):
 
     def compile(self) -> None:
         """Read it from the disk, or compile it and keep it there."""
-        with _compiling, _uncollected():
+        with _compiling:
             if not self.ready:
                 if not isinstance(self._dispatcher._cache, _Cache):
                     _announce()

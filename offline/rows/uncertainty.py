@@ -23,10 +23,9 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 
 from ..kernels.uncertainty import WIDE, uncertainty
-from ..measured import Measured, Stages
+from ..measured import Measured, Stages, make_stages
 from ..parts import Look, Part, RowStage
 from ..settings import RenderSettings
-from ..units import scaled
 from ..whole.noise import estimate_noise
 
 # By `python -m tools.evaluation.uncertainty`, from every second one of the 14 test photographs. Of luminance: noise; noise times
@@ -68,7 +67,7 @@ class Uncertainty(RowStage):
         if not settings.pooling.used:
             raise InputError("the uncertainty of a picture is known for the presets best and unlearned, and settings like these")
         known = mosaic.calibration.noise is not None  # otherwise the render's noise is such an estimate
-        grain = estimate_noise(scaled(mosaic, measured.exponent)) if known else None
+        grain = estimate_noise(mosaic) if known else None
         if shares is None:
             return cls(measured, grain)
         left = np.ones((2, 6))
@@ -136,6 +135,6 @@ def with_uncertainty(mosaic: Mosaic, stages: Stages, shares: FloatArray | None =
     (30, 40, 4)
     """
     return lambda measured, settings, progress: [
-        *stages(measured, settings, progress),
+        *make_stages(stages, measured, settings, progress),
         Uncertainty.of(mosaic, measured, settings, shares),
     ]

@@ -61,7 +61,7 @@ def render_array(
     """
     from offline import colour_bands, measure, row_stages, with_uncertainty
 
-    chosen = stages or row_stages
+    chosen = row_stages if stages is None else stages
     stating = with_uncertainty(mosaic, chosen) if uncertainty else chosen
     kind = replace(_AS_ARRAY, uncertainty=uncertainty)
     check_light(mosaic, settings)
