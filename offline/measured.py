@@ -9,12 +9,13 @@ import numpy as np
 from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.block_grid import BlockGrid
 from shared.calibration import NoiseModel, SensorCalibration
+from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import Progress
 
 from .blocks import Sites
-from .parts import Part, RowStage
+from .parts import Look, Part, RowStage
 from .settings import RenderSettings
 
 EVEN = 0.01 / 3
@@ -76,7 +77,10 @@ class BlockSamples:
     def missed(self, part: Part, rows: slice) -> FloatArray:
         """What the part says was missed at the sites of these rows of blocks, (rows, columns, S)."""
         if part.missed is None:
-            raise ValueError("nobody has measured what this part of the picture misses: a stage Missed has to come before")
+            raise InputError(
+                "no stage has measured what the picture misses at the colour sites: the stage 'missed' has to come before, and "
+                "stages of one's own keep Part.missed, as dataclasses.replace does"
+            )
         return np.stack([part.missed[place] for place in self.inside(part, rows)], axis=2)
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
@@ -92,7 +96,7 @@ class Measured:
 
     pattern: of the frame.
     calibration: of the samples. With shading, light still falls off as of the panchromatic plane, equally for all filters.
-    luminance: of every pixel, float32 (H, W), in units of 2^exponent scene units, as everything here.
+    luminance: of every pixel, float32 (H, W), scene units, as everything here.
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
     samples: of the whole blocks; None where the settings do nothing with them.
     lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
@@ -111,7 +115,6 @@ class Measured:
     blocks: FloatArray
     samples: BlockSamples | None = None
     lost: ByteArray | None = None
-    exponent: int = 0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -142,3 +145,19 @@ class Measured:
 
 Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
 """Makes the list of stages in rows, as `row_stages` does."""
+
+
+def make_stages(stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
+    """The list that `stages` makes. Raises InputError if it is no function, or makes something else than stages."""
+    if not callable(stages):
+        raise InputError(f"stages is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
+    made = stages(measured, settings, progress)
+    if not isinstance(made, list | tuple):
+        raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
+    for stage in made:
+        look = getattr(stage, "look", None)
+        if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
+            raise InputError(f"stages made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
+        if not (look.reach >= 0 and look.step >= 1):
+            raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
+    return list(made)

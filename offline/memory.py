@@ -32,8 +32,8 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     sites = len(mosaic.pattern.sites) * height * width / mosaic.pattern.period**2
     highest = max(end - first for first, end in bands(measured.grid))
     held = 0.0
-    for stage in row_stages(measured, settings):
-        rows = highest + 2 * stage.look.reach + stage.look.step
+    for number, stage in enumerate(row_stages(measured, settings)):
+        rows = highest + (2 * stage.look.reach + stage.look.step if number else 0)  # bands fit the first stage
         held += stage.memory(min(rows, height) * width, len(mosaic.pattern.channels))
     return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + held))
 

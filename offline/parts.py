@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from shared.arrays import STRIP, FloatArray
+from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
 from .kernels.pieces import in_pieces
@@ -138,10 +139,35 @@ def _short(parts: Iterable[Part]) -> Iterator[Part]:
 
 
 def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
-    """The picture after one stage, part by part."""
+    """The picture after one stage, part by part. Raises InputError for what a stage of one's own returns, if it is no such part."""
+    ours = type(stage).__module__.startswith(f"{__package__}.")
     for part, rows in windows(parts, height, stage.look):
         progress.part(stage.name)
-        yield stage(part, rows)
+        made = stage(part, rows)
+        yield made if ours else _checked(made, f"the stage {stage.name!r} returned", part, rows)
+
+
+def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> Part:
+    """What a stage of one's own made of these rows, its planes contiguous. Raises InputError, which begins with `returned`."""
+    if not isinstance(made, Part):
+        raise InputError(f"{returned} {type(made).__name__}, expected an offline.Part")
+    width, channels = part.chromaticity.shape[1:]
+    shape = rows[1] - rows[0], width
+    shapes = {"luminance": shape, "chromaticity": (*shape, channels), "missed": shape}
+    planes = {name: getattr(made, name) for name in shapes}
+    for name, plane in planes.items():
+        if plane is None and name == "missed":
+            continue
+        if not isinstance(plane, np.ndarray) or plane.dtype != np.float32 or plane.shape != shapes[name]:
+            found = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
+            raise InputError(f"{returned} a {name} that is {found}, expected float32 {shapes[name]}")
+        if not np.isfinite(plane).all():
+            row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
+            raise InputError(f"{returned} a {name} that is not finite, first in row {rows[0] + row}, column {column}")
+        planes[name] = np.ascontiguousarray(plane)
+    if made.first != rows[0]:
+        raise InputError(f"{returned} rows from {made.first} on, expected {rows[0]} to {rows[1]}: part.rows(*rows) cuts them out")
+    return Part(made.first, **planes)
 
 
 def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:

@@ -21,7 +21,7 @@ from shared.progress import SILENT, Progress
 from .blocks import BlockSums
 from .cleaned import Cleaned, unclipped_blocks
 from .kernels.mixing import colour
-from .measured import Measured, Stages
+from .measured import Measured, Stages, make_stages
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
 from .rows.learned import Learned
@@ -34,7 +34,7 @@ from .settings import BEST, RenderSettings
 from .sites import block_samples, settle_luminance
 from .solvers import Solved, SolverLog
 from .tiling import bands
-from .units import check_finite, in_scene_units, own_unit, scaled
+from .units import check_finite, check_frames
 from .whole.chromaticity import estimate_chromaticities
 from .whole.colour_lines import colour_lines
 from .whole.defects import mend_defects
@@ -92,7 +92,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
-    'affinity'
+    'propagation'
     """
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
@@ -123,8 +123,8 @@ def render(
 
     stages: makes the list of stages in rows; by default `row_stages`. One's own may add to that list, replace in it, or leave out.
 
-    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than return a value that is not
-    finite.
+    Raises InputError for samples that are not in scene units, ConvergenceError when a solver does not reach its tolerance, and
+    RangeError rather than return a value that is not finite.
 
     >>> import numpy as np
     >>> from offline import PAPER, render, row_stages
@@ -206,14 +206,13 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> measure(grey).luminance.shape
     (30, 40)
     """
-    exponent, shading = own_unit([mosaic]), mosaic.calibration.shading
-    frame = cleaned(scaled(mosaic, exponent), settings, progress)
+    shading, frame = mosaic.calibration.shading, cleaned(mosaic, settings, progress)
     del mosaic  # for memory, unless the caller keeps it
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     measured = coloured(frame, luminance, settings, progress)
     del frame, luminance  # for memory
-    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading), exponent=exponent)
+    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading))
 
 
 def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
@@ -221,6 +220,7 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise and saturation are those of the
     sensor everywhere; the stage `EvenLight` makes the light even at the end.
+    Raises InputError for samples that are not in scene units (see `units`).
 
     >>> import numpy as np
     >>> from offline import cleaned
@@ -229,6 +229,7 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> bool((cleaned(grey).signal == grey.signal).all())
     True
     """
+    check_frames([mosaic])
     # No name keeps the samples with their defects while highlights are restored, which needs the most memory.
     return restored(mend_defects(_with_defects(mosaic, settings, progress), settings.defects, progress), settings, progress)
 
@@ -297,27 +298,29 @@ def settled(measured: Measured, settings: RenderSettings) -> Measured:
 def parts_of(
     measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
 ) -> Iterator[Part]:
-    """The picture of what was measured, in parts, in units of 2^`measured.exponent` scene units."""
-    return iter(finish(_grey(measured, progress), stages(measured, settings, progress), measured.shape[0], progress))
+    """The picture of what was measured, in parts, in scene units."""
+    made = make_stages(stages, measured, settings, progress)
+    coloured = any(isinstance(stage, Propagation) for stage in made)
+    return iter(finish(_grey(measured, progress, whole=not coloured), made, measured.shape[0], progress))
 
 
-def _grey(measured: Measured, progress: Progress) -> Iterator[Part]:
-    """The picture without colour."""
+def _grey(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
+    """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one value for all pixels."""
     steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
     progress.stage("colour", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
-        yield Part(first, luminance, np.broadcast_to(grey, (*luminance.shape, len(measured.gamma))))
+        chromaticity = np.broadcast_to(grey, (*luminance.shape, len(measured.gamma)))
+        yield Part(first, luminance, chromaticity.copy() if whole else chromaticity)
         progress.advance()
 
 
 def _pictures(
     measured: Measured, settings: RenderSettings, progress: Progress, stages: Stages
 ) -> Iterator[tuple[Part, FloatArray]]:
-    """The parts of a picture, in scene units, and of each channels times luminance (Eq. 17)."""
+    """The parts of a picture, and of each channels times luminance (Eq. 17)."""
     for part in parts_of(measured, settings, progress, stages):
         band = np.empty_like(part.chromaticity)
         colour(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
         check_finite(band, part.first)
-        luminance = in_scene_units(part.luminance, measured.exponent)
-        yield replace(part, luminance=luminance), in_scene_units(band, measured.exponent)
+        yield part, band

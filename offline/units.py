@@ -1,57 +1,45 @@
-"""Extremely bright and dark frames are computed in units of their own, and every picture is checked to be finite.
+"""Frames have to measure luminance, in scene units, whose white is about 1, and every picture is checked to be finite.
 
-Stages have thresholds in scene units, such as the luminance below which a pixel has no colour, and single precision has limits.
-Both suit scenes whose white is 1. A frame of samples in scene units may be a million times darker, or brighter: it is rendered
-multiplied by a power of two, which is exact, and the picture is divided by that.
+Stages have thresholds in scene units, such as the luminance below which a pixel has no colour: samples in another unit would give
+a wrong picture without a word.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import frexp
 
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.errors import RangeError
+from shared.errors import InputError, RangeError
 from shared.mosaic import Mosaic
 
-_USUAL = range(-5, 11)
-"""Exponents of two of the brightest sample, relative to full scale, at which a frame is left as it is. Those of photographs are
-around 0. In dark ones thresholds show: at 1/2000 of white, refinement changes edges of `paper` by a quarter of them (measured)."""
+_FARTHEST = 2.0**10
+"""Times white, or a fraction of it: the brightest sample of a frame in scene units lies within."""
 
 
-def own_unit(mosaics: Sequence[Mosaic]) -> int:
-    """n, where 2^n scene units are a good unit for these frames: 0 if they have codes, or are neither very dark nor very bright.
+def check_frames(mosaics: Sequence[Mosaic]) -> None:
+    """Raise InputError for frames without a panchromatic pixel, and for those of floating point that are not in scene units.
 
-    In that unit the brightest sample of all is a quarter to half of full scale.
+    The message says by what to scale the latter. Codes always are: their calibration says what they mean, and a lens cap makes
+    frames as dark as can be. So a dark frame is taken if its brightest sample is half a code of its sensor, and a black one too.
     """
+    for mosaic in mosaics:
+        height, width = mosaic.shape
+        if not mosaic.pattern.panchromatic_mask((min(height, mosaic.pattern.period), min(width, mosaic.pattern.period))).any():
+            raise InputError(
+                f"a frame of {width} x {height} pixels without a panchromatic one does not measure luminance; use a larger one"
+            )
     if any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics):
-        return 0
-    extremes = [(-float(mosaic.samples.min()), float(mosaic.samples.max())) for mosaic in mosaics]
-    brightest = max(max(pair) for pair in extremes)
-    _, exponent = frexp(brightest / mosaics[0].calibration.full_scale)
-    return 0 if brightest == 0 or exponent in _USUAL else exponent + 1
-
-
-def scaled(mosaic: Mosaic, exponent: int) -> Mosaic:
-    """The mosaic, whose samples are in scene units, in units of 2^exponent scene units; for 0 the mosaic itself."""
-    if exponent == 0:
-        return mosaic
-    noise = mosaic.calibration.noise
-    if noise is not None:
-        noise = noise.in_units_of(2.0**exponent).possible()
-    samples = np.ldexp(mosaic.samples, -exponent)
-    samples.flags.writeable = False
-    return replace(mosaic, samples=samples, calibration=replace(mosaic.calibration, noise=noise))
-
-
-def in_scene_units(light: FloatArray, exponent: int) -> FloatArray:
-    """Light in units of 2^exponent scene units, in scene units; what single precision has no number for is its largest."""
-    if exponent == 0:
-        return light
-    largest = np.finfo(np.float32).max
-    with np.errstate(over="ignore"):
-        return np.ldexp(light, exponent).clip(-largest, largest)
+        return
+    calibration = mosaics[0].calibration
+    brightest = max(max(-float(mosaic.samples.min()), float(mosaic.samples.max())) for mosaic in mosaics) / calibration.full_scale
+    least = min(1 / _FARTHEST, 0.5 * float(calibration.scale().min()) / calibration.full_scale)
+    if brightest and not least <= brightest <= _FARTHEST:
+        factor = 2.0 ** -frexp(brightest)[1]
+        raise InputError(
+            f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g}: it is not in scene "
+            f"units, whose white is about 1; multiply the samples, and their noise, by {factor:.3g}"
+        )
 
 
 def check_finite(picture: FloatArray, first: int) -> None:

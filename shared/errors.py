@@ -5,6 +5,7 @@
 ``OutputError``       an output cannot be written: it exists, the folder is missing, the disk is full.
 ``ConvergenceError``  an iterative solver did not reach its tolerance: the result would be wrong, so there is none.
 ``RangeError``        a result has values that are not finite (NaN or infinite): it would be wrong, so there is none.
+``DurabilityWarning`` a result is whole, but may not survive a power cut: no error, but a warning of Python, once per folder.
 
 Library code names a file in a message only if it was given one; the commands print one line per error.
 """
@@ -32,3 +33,7 @@ class ConvergenceError(PanchromaError):
 
 class RangeError(PanchromaError):
     """A result has values that are not finite; the message says of what, how many, and where."""
+
+
+class DurabilityWarning(UserWarning):
+    """A file is whole and has its name, but it is unsure whether it has it after a power cut."""

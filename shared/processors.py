@@ -1,4 +1,4 @@
-"""How many processors there are for this process, and how many threads a renderer is to use."""
+"""How many processors there are for this process, and how many threads renders and previews are to use."""
 
 import math
 import os
@@ -9,7 +9,7 @@ from functools import cache
 from .control_groups import control_groups, number_in
 
 THREADS = "PANCHROMA_THREADS"
-"""Environment variable: the number of threads of a renderer for which the program sets none."""
+"""Environment variable: the number of threads of renders and previews for which the program sets none."""
 
 
 def processors() -> int:
@@ -51,7 +51,7 @@ def available_threads() -> int:
 
 
 def threads() -> int:
-    """The number of threads that stages called from this thread use.
+    """The number of threads that stages and previews called from this thread use.
 
     >>> from shared.processors import threads
     >>> threads() >= 1
@@ -61,7 +61,7 @@ def threads() -> int:
 
 
 def use_threads(count: int) -> None:
-    """Set the number of threads for stages called from this thread, 1 or more. The result is the same for any.
+    """Set the number of threads for stages and previews called from this thread, 1 or more. The result is the same for any.
 
     For programs: libraries should leave this choice to them. Raises ValueError for less than 1.
 

@@ -1,8 +1,8 @@
 """onnxruntime without telemetry. Every module of ours imports it from here.
 
 Since 1.29 the official packages for Linux and macOS send facts about machine and model to Microsoft, and keep a database of them
-and an identity in the user's cache folder. The import begins with it, so that `disable_telemetry_events` comes too late; on Windows
-it is what counts.
+and an identity in the user's cache folder. The import begins with it, so that `disable_telemetry_events` alone comes too late; the
+variable of the environment is read by the import alone, and is the program's own again afterwards.
 """
 
 import os
@@ -11,9 +11,15 @@ from typing import Any
 
 from .errors import InputError
 
-os.environ["ORT_DISABLE_TELEMETRY"] = "1"
-
-import onnxruntime
+_SWITCH = "ORT_DISABLE_TELEMETRY"
+_before = os.environ.get(_SWITCH)
+os.environ[_SWITCH] = "1"
+try:
+    import onnxruntime
+finally:
+    del os.environ[_SWITCH]
+    if _before is not None:
+        os.environ[_SWITCH] = _before
 
 onnxruntime.disable_telemetry_events()
 

@@ -1,7 +1,7 @@
 """Writing files atomically and durably: a power cut leaves the old file or the new one, never a part."""
 
 import errno
-import fcntl
+import io
 import os
 import re
 import secrets
@@ -9,13 +9,19 @@ import shlex
 import shutil
 import stat
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, Any, BinaryIO
 
-from .errors import OutputError
+from .errors import DurabilityWarning, OutputError
+
+try:
+    import fcntl
+except ModuleNotFoundError:
+    raise ImportError("Panchroma runs on Linux and macOS; on Windows install it in the Windows Subsystem for Linux (WSL)") from None
 
 OnComplete = Callable[[Path], Callable[[], object]]
 """Called with the complete temporary file. The function it returns is called when the file is on the disk, before the rename."""
@@ -23,6 +29,8 @@ OnComplete = Callable[[Path], Callable[[], object]]
 _PART = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
 _LINK_SECONDS = 60.0
 _LONGEST_PART = 100  # bytes; with the suffix a name that every file system accepts
+# What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old CIFS, some of FUSE.
+_CANNOT_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.ENOTTY, errno.EISDIR}
 
 
 def write_durably(
@@ -47,31 +55,48 @@ def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnCo
     overwrite: replace an existing file.
     on_complete: see `OnComplete`; an error raised there cancels the rename.
     Raises OutputError when the file exists and `overwrite` is False, when the folder is missing or read-only, and when the disk is
-    full.
+    full. Errors of the block and of `on_complete` that are not of this file pass through. For the folder see `sync_folder`.
     """
     path = Path(path)
     part = part_path(path)
+    foreign: list[OSError] = []
     try:
         if not overwrite and os.path.lexists(path):
             raise FileExistsError
         try:
             # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
-            with _locked(part) as file:
-                yield file
+            raw = _locked(part)
+            with io.BufferedWriter(raw) as file:
+                with _recorded(foreign):
+                    yield file
                 file.flush()
                 if overwrite:
                     _keep_permissions(path, file.fileno())
-                settled = on_complete(part) if on_complete is not None else None
+                with _recorded(foreign):
+                    settled = on_complete(part) if on_complete is not None else None
                 os.fsync(file.fileno())
                 if settled is not None:
-                    settled()
+                    with _recorded(foreign):
+                        settled()
                 _move(part, path, overwrite)
         except BaseException:
             part.unlink(missing_ok=True)
             raise
         sync_folder(path.parent)
     except OSError as error:
-        raise OutputError(f"{path}: {_reason(error, path)}") from error
+        if any(error is passed for passed in foreign) and error is not raw.failure:
+            raise
+        raise OutputError(f"{path}: {reason(error, path)}") from error
+
+
+@contextmanager
+def _recorded(errors: list[OSError]) -> Iterator[None]:
+    """Add an OSError of the `with` block to a list, and let it pass."""
+    try:
+        yield
+    except OSError as error:
+        errors.append(error)
+        raise
 
 
 def keep_old(path: Path) -> Path:
@@ -95,17 +120,36 @@ def keep_old(path: Path) -> Path:
                 if os.path.lexists(spare):
                     continue
                 raise
+            except OSError as error:
+                raise OutputError(f"{path}: cannot be read, to keep it as {spare.name} ({error.strerror or error})") from error
         break
     return spare
 
 
-def sync_folder(folder: Path) -> None:
-    """Wait until the names of the files in a folder are on the disk. Raises OSError."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def sync_folder(folder: Path) -> bool:
+    """Wait until the names of the files in a folder are on the disk. Returns False on a file system that cannot do that.
+
+    Where it can but fails, the files are whole and have their names: that is a DurabilityWarning. Raises OSError when there is no
+    such folder.
+    """
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except (FileNotFoundError, NotADirectoryError):
+        raise
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            warnings.warn(
+                f"{folder}: the folder cannot be synced ({error.strerror or error}): files in it are whole, but new ones may be "
+                "gone after a power cut; check the disk",
+                DurabilityWarning,
+                stacklevel=1,
+            )
+        return False
+    return True
 
 
 def part_path(path: Path) -> Path:
@@ -171,10 +215,23 @@ def sweep(folder: Path | str) -> int:
     return removed
 
 
-def _locked(part: Path) -> BinaryIO:
+class _Part(io.FileIO):
+    """The temporary file. failure: the error of the last write that failed; other errors are not of this file."""
+
+    failure: OSError | None = None
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            self.failure = error
+            raise
+
+
+def _locked(part: Path) -> _Part:
     """Create and open the temporary file; it is locked while it is open."""
     while True:
-        file = part.open("xb")
+        file = _Part(part, "x")
         try:
             with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
                 fcntl.flock(file, fcntl.LOCK_EX)
@@ -235,7 +292,8 @@ def dangling_link(path: Path) -> str:
     return f"is a link to {path.readlink()}, which is not there; remove the link"
 
 
-def _reason(error: OSError, path: Path) -> str:
+def reason(error: OSError, path: Path) -> str:
+    """Why a file cannot be written, and what to do."""
     match error.errno:
         case errno.ENOSPC | errno.EDQUOT:
             return "the disk is full; free some space or choose another folder"

@@ -13,6 +13,7 @@ import itertools
 import multiprocessing
 import os
 import signal
+import stat
 import sys
 from collections.abc import Callable
 
@@ -77,3 +78,19 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
         monkeypatch.setattr(os, "fsync", full)
 
     return fill
+
+
+@pytest.fixture
+def unsynced_folders(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """A function after whose call os.fsync of every folder fails with the error `number`; that of files succeeds."""
+    fsync = os.fsync
+
+    def refuse(number: int) -> None:
+        def sync(descriptor: int) -> None:
+            if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+                raise OSError(number, os.strerror(number))
+            fsync(descriptor)
+
+        monkeypatch.setattr(os, "fsync", sync)
+
+    return refuse

@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import takewhile
@@ -14,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault, one_line, to_stdout
+from tools.host.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 from tools.host.versions import program_version
 
@@ -135,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     _open_streams()
     console = Console(verbose=(verbose := not set(_VERBOSE).isdisjoint(arguments)))
     try:
-        with orderly_end(last=argv is None):
+        with orderly_end(last=argv is None), warnings.catch_warnings():
             code = 0
             try:
                 _check_verb(arguments)
@@ -145,6 +146,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 parsed = parser.parse_args(arguments)
                 as_json = getattr(parsed, "json", False)
                 console = Console(json=as_json, quiet=parsed.quiet, verbose=parsed.verbose, options=options)
+                note_warnings(console.note)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)
             finally:

@@ -2,7 +2,9 @@
 
 **Geometry.** The graph takes any number of whole K x K patches (`shared.block_grid`), with a halo of further pixels on each side,
 and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
-origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
+origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input. README.md in
+this folder says how a frame is continued beyond its edges, which pixel the picture begins with, and what camera.json has to do with
+the inputs, and has an example without Panchroma.
 
 Inputs, for a pattern of C channels; float32 where nothing else is said:
     mosaic  (rows, columns)         sensor codes, or finer ones without shading (`device.preview.even_light`); uint16 at scale 1
@@ -13,6 +15,8 @@ Inputs, for a pattern of C channels; float32 where nothing else is said:
                                     units; read_variance is the square of `NoiseModel.read`
     white   (C,)                    reading of display white, scene units; display graphs only
     matrix  (3, C)                  camera RGB relative to white -> linear sRGB; display graphs only
+    gain    (n, m)                  what codes of each patch were raised by to undo shading, so that full scale is as much higher;
+                                    n and m: patches down and across, or 1 for all; without shading [[1]]; display graphs only
 Output, with one pixel per scale x scale sensor pixels:
     picture uint8 (rows, columns, 3) sRGB of a display graph, float32 (rows, columns, C) scene units of a linear graph
 
@@ -26,9 +30,10 @@ from numpy.typing import DTypeLike
 
 from shared.pattern import CfaPattern
 
-VERSION = "2"
+VERSION = "3"
 
-MOSAIC, BLACK, SCALE, GAMMA, NOISE, WHITE, MATRIX = "mosaic", "black", "scale", "gamma", "noise", "white", "matrix"
+MOSAIC, BLACK, SCALE, GAMMA, NOISE = "mosaic", "black", "scale", "gamma", "noise"
+WHITE, MATRIX, GAIN = "white", "matrix", "gain"
 PICTURE = "picture"
 
 

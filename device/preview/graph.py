@@ -5,8 +5,9 @@ columns) or (patch rows, patch columns): the pixels at one place of all K x K pa
 colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
-all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`).
+all processors with fused multiply-add give the same bytes. This rules out the operators for reciprocals, powers, exponentials and
+reductions, and allows convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`), the one place
+where processors without that instruction round otherwise.
 """
 
 from shared.pattern import CfaPattern
@@ -18,7 +19,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "10"
+BUILDER = "11"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change."""
 
 
@@ -50,7 +51,7 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
     sizes: dict[str, Shape] = {contract.BLACK: [channels + 1], contract.SCALE: [channels + 1], contract.GAMMA: [channels]}
     sizes[contract.NOISE] = [2]
     if not g.linear:
-        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
+        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels], contract.GAIN: ["gain_rows", "gain_columns"]}
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared import processors
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import SensorCalibration
 from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
-from shared.processors import processors
 from shared.runtime import session
 
 from . import contract
@@ -34,7 +34,7 @@ class Preview:
     pattern: the filter pattern; its origin does not matter.
     scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
     linear: scene units instead of a picture for a screen.
-    threads: number of strips that are processed at a time; None = the number of processors that this process may use.
+    threads: number of strips that are processed at a time; None = as `shared.processors.threads` says where it is run.
     Raises InputError when the pattern has no preview of this scale.
 
     >>> import numpy as np
@@ -54,7 +54,7 @@ class Preview:
         self._geometry, self._linear = Geometry(pattern, scale), linear
         # What was just computed is in the cache: 3 % less time. At full resolution, with a chain of nodes per pixel, it is more.
         self._session = session(build_preview(pattern, scale, linear=linear), as_written=scale > 1)
-        self._threads = threads or processors()
+        self._threads = threads
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
@@ -76,13 +76,15 @@ class Preview:
         )
         above, below, left, right = self._geometry.halo
         frame, inputs = self._prepared(mosaic, rows.span(above, below), columns.span(left, right))
+        gain = None if linear else _gain(mosaic, rows, columns)
         picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
         width = columns.patches * pattern.period
 
         def develop(patches: range, buffer: NDArray[Any]) -> None:
             cut = buffer[: above + len(patches) * pattern.period + below]
             frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
-            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs})
+            raised = {} if gain is None else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
+            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised})
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
@@ -100,8 +102,9 @@ class Preview:
                 develop(patches, buffer)
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose start is interrupted.
-        with ThreadPoolExecutor(self._threads, "preview") as pool:
-            list(pool.map(work, range(self._threads)))  # raises an error of a strip
+        threads = self._threads or processors.threads()
+        with ThreadPoolExecutor(threads, "preview") as pool:
+            list(pool.map(work, range(threads)))  # raises an error of a strip
         return picture
 
     def _check(self, pattern: CfaPattern) -> None:
@@ -162,6 +165,18 @@ class _Axis:
     def span(self, before: int, after: int) -> tuple[int, int]:
         """(first, last + 1) sensor pixel of the patches, extended by `before` and `after` pixels."""
         return self.first - before, self.first + self.patches * self.period + after
+
+
+def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
+    """What the codes of each patch are raised by to undo shading, (patches down, across); (1, 1) without."""
+    shading, ones = mosaic.calibration.shading, np.ones((1, 1), np.float32)
+    if shading is None:
+        return ones
+    middles = [
+        (axis.first + axis.period // 2 + axis.period * np.arange(axis.patches)).clip(0, size - 1)
+        for axis, size in zip((rows, columns), mosaic.shape, strict=True)
+    ]
+    return np.ascontiguousarray(shading.of_plane(mosaic.shape)[np.ix_(*middles)])
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -24,8 +24,7 @@ from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
-from ..units import own_unit
-from ..units import scaled as in_unit
+from ..units import check_frames
 from ..whole.denoising import denoise_luminance
 from .copies import copies
 from .judging import Comparison, Judged, Kept, as_arrays, compared, displaced
@@ -67,7 +66,8 @@ def merge_burst(
     frames: of one camera; those that do not fit the reference are left out (`Judged.reason`).
     reference: index of the frame that the picture shall show, 0 or more; None = the best of those that most others agree with.
     motions: how each frame lies against the reference, which has to be named, where that is known; otherwise it is measured.
-    Raises InputError when there is no frame, when frames and motions differ in number, and when the reference is no frame's index.
+    Raises InputError when there is no frame, when frames and motions differ in number, when the reference is no frame's index, and
+    for samples that are not in scene units.
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
         raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for each frame")
@@ -77,8 +77,8 @@ def merge_burst(
         raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
-    exponent = own_unit([frames[number] for number in distinct])
-    shots = [in_unit(frames[number], exponent) for number in distinct]
+    shots = [frames[number] for number in distinct]
+    check_frames(shots)
     first = None if reference is None else distinct.index(reference)
     found = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
     measured, samples, shares = _measured(found, settings, progress)
@@ -86,7 +86,7 @@ def merge_burst(
     for copy, original in copied.items():
         judged[copy] = Judged(f"is a copy of frames[{original}]: its samples are the same", copy_of=original)
     in_order = tuple(judged[number] for number in range(len(frames)))
-    measured = replace(measured, lost=found.lost, exponent=exponent)
+    measured = replace(measured, lost=found.lost)
     return MergedBurst(distinct[found.reference], in_order, shares, measured, samples)
 
 

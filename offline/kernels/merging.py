@@ -147,8 +147,11 @@ def _measured(panchromatic: Bools2, y: float, x: float) -> float:
 def _samples(planes: Floats3, agreement: Bytes3, noise: Doubles2, panchromatic: Bools2, motions: Motions, area: Area) -> Floats2:
     """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value, weight, variance."""
     frames, height, width = planes.shape
-    found = np.empty((frames * (area[1] - area[0] + 2) * (area[3] - area[2] + 2), 5), np.float32)
-    count = 0
+    most = count = 0
+    for frame in range(frames):
+        first, last, before, after = bounds(motions, frame, area, planes.shape)
+        most += max(last - first, 0) * max(after - before, 0)
+    found = np.empty((most, 5), np.float32)
     for frame in range(frames):
         first, last, before, after = bounds(motions, frame, area, planes.shape)
         for row in range(first, last):
@@ -159,7 +162,7 @@ def _samples(planes: Floats3, agreement: Bytes3, noise: Doubles2, panchromatic: 
                 if not (area[0] <= y <= area[1] - 1 and area[2] <= x <= area[3] - 1):
                     continue
                 agrees = agreement[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
-                if agrees == 0 or count == len(found):
+                if agrees == 0:
                     continue
                 value = planes[frame, row, column]
                 found[count, 0], found[count, 1], found[count, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value

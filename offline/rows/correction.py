@@ -52,7 +52,7 @@ class Correction(RowStage):
     samples: BlockSamples
     gamma: FloatArray
 
-    name = "sites"
+    name = "correction"
     kernels = "share_out", "smooth"
 
     @property

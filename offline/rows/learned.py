@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray, mirrored
+from shared.errors import InputError
 from shared.networks import Block, load_network, network_for
 from shared.pattern import CfaPattern
 
@@ -28,6 +29,8 @@ from ..parts import Look, Part, RowStage
 
 REACH = "panchroma.reach"
 """The metadata of a file that says how many cells around a cell the network sees."""
+MOST_REACH = 5
+"""The most that it may be: what a stage looks at is known before its network is loaded."""
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
 _FAINT = np.float32(0.01)  # share of luminance that no correction is worth; none is worth less than noise. Measured: loses nothing
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
@@ -143,7 +146,7 @@ class Learned(RowStage):
     def look(self) -> Look:
         """A tile, and what the network sees around it."""
         period, cells = self.samples.sites.grid.period, Cells.of(self.samples.sites)
-        return Look((self._reach + MARGIN + 1) * period, _TILE * period, cells.origin[0])
+        return Look((MOST_REACH + MARGIN + 1) * period, _TILE * period, cells.origin[0])
 
     def memory(self, pixels: int, channels: int) -> float:
         """Bytes for this many pixels: the picture before and after it, the network, its runtime and the tiles that are at work."""
@@ -151,8 +154,11 @@ class Learned(RowStage):
 
     @cached_property
     def _reach(self) -> int:
-        """Cells around a cell that the network sees."""
-        return int(load_network(self.path).get_modelmeta().custom_metadata_map[REACH])
+        """Cells around a cell that the network sees. Raises InputError for more than `MOST_REACH`."""
+        reach = int(load_network(self.path).get_modelmeta().custom_metadata_map[REACH])
+        if reach > MOST_REACH:
+            raise InputError(f"{self.path}: the network sees {reach} cells around a cell, expected {MOST_REACH} at most")
+        return reach
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity corrected; they end where tiles do."""

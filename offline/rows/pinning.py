@@ -54,7 +54,7 @@ class Pinning(RowStage):
     samples: BlockSamples
     progress: Progress = SILENT
 
-    name = "sites"
+    name = "pinning"
     kernels = "pin_samples", "interpolate", "smooth"
 
     @property

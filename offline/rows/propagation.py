@@ -10,9 +10,9 @@ from shared.progress import SILENT, Progress
 
 from ..kernels.mixing import mix
 from ..measured import Measured
-from ..parts import Part, RowStage
+from ..parts import Look, Part, RowStage
 from ..settings import AffinitySettings, PropagationSettings
-from ..tiling import domain_places, patches_of
+from ..tiling import core_patches, domain_places, patches_of
 from .affinity import solve_affinities
 
 _BYTES, _CHANNEL = 48.0, 28.0  # per pixel (four fields), and per channel of it (the same rows at several stages): measured
@@ -20,15 +20,21 @@ _BYTES, _CHANNEL = 48.0, 28.0  # per pixel (four fields), and per channel of it 
 
 @dataclass(eq=False)
 class Propagation(RowStage):
-    """Spread the chromaticity of the blocks of a frame to its pixels (Eqs. 10-14). Parts have to end where `tiling.bands` do."""
+    """Spread the chromaticity of the blocks of a frame to its pixels (Eqs. 10-14)."""
 
     measured: Measured
     affinity: AffinitySettings
     settings: PropagationSettings
     progress: Progress = SILENT
 
-    name = "affinity"  # what it begins with
+    name = "propagation"
     kernels = "solve_regions", "mix"
+
+    @property
+    def look(self) -> Look:
+        """No rows around, but whole rows of cores (`tiling`)."""
+        grid = self.measured.grid
+        return Look(step=core_patches(grid.period)[0] * grid.period, origin=-grid.padding[0][0])
 
     def memory(self, pixels: int, channels: int) -> float:
         """Bytes for this many pixels."""
@@ -41,7 +47,6 @@ class Propagation(RowStage):
         """
         luminance, pattern = self.measured.luminance, self.measured.pattern
         fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)  # alpha, Eqs. 11-13
-        self.progress.part("propagation")
         colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)  # c, Eqs. 10 and 14
         return Part(rows[0], part.rows(*rows).luminance, colour)
 

@@ -33,7 +33,7 @@ from tools.evaluation.methods import methods
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview", "evaluate")
 SCENES = ("black", "white", "constant", "pixel", "row", "checker", "letterbox", "below black", "strokes", "random")
-LIGHTS = (1.0, 1.0, 1.0, 1e-6, 1e-3, 30.0, 1e4)  # times the scene
+LIGHTS = (1.0, 1.0, 1.0, 2.0**-6, 30.0, 100.0)  # times the scene
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 EIGHT = ("HIJ", "KWL", "NOP"), ("HIJK", "LNOP")
 TAKES = ("exact", "exact", "exact", "noisy", "codes")

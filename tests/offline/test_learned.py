@@ -1,17 +1,18 @@
 """The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is told by the evaluation."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
+from offline import BEST, available_threads, network_name, render, render_bands, rendering_memory, threads, use_threads
 from offline.measured import BlockSamples, ColourLines
 from offline.parts import Part
 from offline.rows import learned as module
 from offline.rows.correction import Missed
-from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, boxes
+from offline.rows.learned import MOST_REACH, REACH, UNKNOWN, Cells, Inputs, Learned, boxes
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
@@ -268,6 +269,20 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     path.write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"):
         load_network(path)
+
+
+def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    damaged = tmp_path / "rggb-k6.onnx"
+    damaged.write_bytes(b"nothing")
+    monkeypatch.setattr(sys.modules["offline.render"], "network_for", lambda _: damaged)  # `offline.render` is the function
+    mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
+    assert rendering_memory(mosaic, BEST) > rendering_memory(mosaic, WITHOUT) + 90e6
+
+
+def test_every_network_sees_no_more_than_a_stage_looks_at() -> None:
+    reaches = [load_network(path).get_modelmeta().custom_metadata_map.get(REACH) for path in sorted(NETWORKS.glob("*-k*.onnx"))]
+    assert reaches
+    assert all(0 < int(reach) <= MOST_REACH for reach in reaches)
 
 
 def test_bands_of_a_frame_without_whole_tiles() -> None:

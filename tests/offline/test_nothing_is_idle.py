@@ -10,7 +10,7 @@ import pytest
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
 from offline.settings import PoolingPass, Switch
 from shared import CfaPattern, Mosaic, Shading
-from shared.errors import ConvergenceError
+from shared.errors import ConvergenceError, InputError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
 
@@ -131,7 +131,7 @@ def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: s
             return [stage for place, stage in enumerate(row_stages(*given)) if place != left_out]
 
         if name == "missed":  # the stages after it say that they need it
-            with pytest.raises(ValueError, match="nobody has measured"):
+            with pytest.raises(InputError, match="no stage has measured"):
                 render(mosaic, settings, stages=others)
             continue
         changed = np.abs(render(mosaic, settings, stages=others).rgb - whole)

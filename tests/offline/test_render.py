@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
+from offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
+from offline.burst import merge_burst
 from offline.parts import Part, finish
 from offline.settings import UNLEARNED, AffinitySettings, ChromaticitySettings, LuminanceSettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.errors import RangeError
+from shared.errors import InputError, RangeError
 from shared.progress import Progress
 from shared.sensor import simulate_additive
 from tests.data import photograph
@@ -112,13 +113,44 @@ def test_a_black_scene_stays_black(sigma: float | None) -> None:
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
-@pytest.mark.parametrize("scale", [1e-35, 1e-6, 1e-3, 30.0, 1e4, 1e38])
+@pytest.mark.parametrize("scale", [2.0**-4, 30.0, 300.0])
 def test_the_same_scene_in_other_light_gives_the_same_picture(scale: float, settings: RenderSettings) -> None:
-    """Thresholds in scene units, and the limits of single precision, do not show."""
+    """Thresholds in scene units do not show."""
     mosaic = shot(*CASES["paper"], sigma=None)
     scaled = replace(mosaic, samples=mosaic.signal * np.float32(scale))
     expected = render(mosaic, settings).rgb
     assert np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean()) < 0.01
+
+
+@pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
+def test_samples_in_another_unit_are_refused_with_the_factor(light: float) -> None:
+    mosaic = replace(shot(*CASES["odd"], sigma=None), samples=np.full(CASES["odd"][1], light, np.float32))
+    ways = (render, cleaned, lambda wrong: list(render_bands(wrong)), lambda wrong: merge_burst([wrong, wrong]))
+    for way in ways:
+        with pytest.raises(InputError, match=r"not in scene units.*multiply the samples, and their noise, by ") as caught:
+            way(mosaic)
+    factor = float(str(caught.value).rpartition(" ")[2])
+    rendering = render(replace(mosaic, samples=mosaic.samples * np.float32(factor)), PAPER)
+    assert 0.1 < rendering.luminance.max() < 3
+
+
+@pytest.mark.parametrize("settings", [PAPER, BEST])
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_units(bits: int, settings: RenderSettings) -> None:
+    """Black, below black, and a single code above it: what a lens cap leaves."""
+    calibration, shape = SensorCalibration.of_bits(bits), (24, 30)
+    black = int(calibration.black_level[0])
+    for codes in ((black, black), (black - 2, black), (black, black + 1), (black - 1, black + 5)):
+        samples = np.random.default_rng(0).choice(np.array(codes, np.uint16), shape)
+        dark = Mosaic(samples, CfaPattern.bayer(6), calibration)
+        for mosaic in (dark, dark.in_scene_units()):
+            assert np.abs(render(mosaic, settings).rgb).max() < 0.2 if bits == 8 else 0.01
+
+
+def test_a_dark_shot_is_rendered_alike_from_codes_and_from_scene_units() -> None:
+    codes = np.random.default_rng(0).integers(256, 291, (60, 72)).astype(np.uint16)
+    dark = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    assert np.array_equal(render(dark, PAPER).rgb, render(dark.in_scene_units(), PAPER).rgb)
 
 
 @pytest.mark.parametrize("light", [0.5, 0.7])
@@ -136,14 +168,6 @@ def test_half_the_light_gives_half_the_picture(pattern: CfaPattern, sigma: float
         assert found.luminance.mean() < 0.71 * expected.luminance.mean()
         for whole, less in ((expected.rgb, found.rgb), (expected.luminance, found.luminance)):
             assert np.sqrt(np.square(less / np.float32(light) - whole).mean()) < rounding * whole.mean()
-
-
-def test_noise_is_in_the_units_of_an_extreme_frame_too() -> None:
-    mosaic = shot(*CASES["odd"], sigma=0.05)
-    dark = replace(mosaic.calibration, noise=NoiseModel.gaussian(0.05 * 2.0**-20, 4))
-    scaled = replace(mosaic, samples=mosaic.signal * np.float32(2.0**-20), calibration=dark)
-    found = np.concatenate(list(render_bands(scaled, BEST))) * 2.0**20
-    assert np.sqrt(np.square(found - render(mosaic, BEST).rgb).mean()) < 0.01
 
 
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
@@ -179,6 +203,25 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
         with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
             made()
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> None:
+    settings, calibration = PRESETS[preset], SensorCalibration.of_bits(12)
+    for pattern in (CfaPattern.bayer(6), CfaPattern.bayer(3, origin=(2, 1)), CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW")):
+        for shape in ((2, 3), (3, 2), (3, 3), (2, 60), (60, 2), (5, 7), (13, 4)):
+            try:
+                mosaic = Mosaic(np.random.default_rng(0).integers(300, 3000, shape).astype(np.uint16), pattern, calibration)
+            except InputError:  # no whole block
+                assert min(shape) < 4
+                continue
+            picture = render(mosaic, settings).rgb
+            assert picture.shape == (*shape, 3)
+            assert np.isfinite(picture).all()
+    block = Mosaic(np.full((2, 2), 900, np.uint16), CfaPattern.bayer(6), calibration)
+    for way in (lambda: render(block, settings), lambda: merge_burst([block, block], settings)):
+        with pytest.raises(InputError, match="2 x 2 pixels without a panchromatic one"):
+            way()
 
 
 @pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
@@ -239,7 +282,7 @@ def test_progress_is_reported_stage_by_stage() -> None:
     mosaic = shot(*CASES["odd"])
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
     assert list(listener.steps) == ["luminance", "chromaticity", "colour"]
-    assert listener.parts == ["affinity", "propagation", "refinement"] * listener.steps["colour"]
+    assert listener.parts == ["propagation", "refinement"] * listener.steps["colour"]
     assert listener.done["luminance"] == listener.steps["luminance"]
     assert listener.done["colour"] == listener.steps["colour"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())

@@ -2,17 +2,19 @@ import errno
 import fcntl
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO
+from typing import IO, BinaryIO, NoReturn
 
 import pytest
 
-from shared.errors import OutputError
-from shared.writing import durable_file, keep_old, own_file, sweep, write_durably
+from shared.errors import DurabilityWarning, OutputError
+from shared.writing import durable_file, keep_old, own_file, sweep, sync_folder, write_durably
 from tests.data import ROOT
+from tests.python import run_python
 
 
 def test_writes_the_parts_in_order_and_nothing_else(tmp_path: Path) -> None:
@@ -103,6 +105,84 @@ def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monke
     assert (is_folder, named) == (False, False)
     assert re.fullmatch(r"\.shot\.dng\..*\.part", name)
     assert folder == (True, True, ["shot.dng"])
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF])
+def test_a_file_system_that_cannot_sync_folders_is_no_error(
+    tmp_path: Path, unsynced_folders: Callable[[int], None], number: int, overwrite: bool
+) -> None:
+    assert sync_folder(tmp_path)
+    unsynced_folders(number)
+    write_durably(tmp_path / "shot.dng", b"whole", overwrite=overwrite)  # pytest makes a warning an error
+    assert not sync_folder(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"shot.dng": b"whole"}
+    with pytest.raises(OutputError, match="exists already"):
+        write_durably(tmp_path / "shot.dng", b"other")
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC, errno.EACCES])
+def test_a_folder_that_fails_to_sync_is_a_warning_and_the_file_is_whole(
+    tmp_path: Path, unsynced_folders: Callable[[int], None], number: int, overwrite: bool
+) -> None:
+    unsynced_folders(number)
+    with pytest.warns(DurabilityWarning, match=rf"{tmp_path}.*cannot be synced.*whole"):
+        write_durably(tmp_path / "shot.dng", b"whole", overwrite=overwrite)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"shot.dng": b"whole"}
+
+
+def test_an_error_of_another_file_is_not_said_of_this_one(tmp_path: Path) -> None:
+    other = OSError(errno.EIO, os.strerror(errno.EIO), "other")
+
+    def fail(_: object = None) -> NoReturn:
+        raise other
+
+    with pytest.raises(OSError, match="other") as caught, durable_file(tmp_path / "a") as file:
+        fail(file.write(b"part"))
+    assert caught.value is other
+    for on_complete in (fail, lambda _: fail):  # at once, and when the file is on the disk
+        with pytest.raises(OSError, match="other") as caught:
+            write_durably(tmp_path / "b", b"whole", on_complete=on_complete)
+        assert caught.value is other
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: Path) -> None:
+    def write(file: BinaryIO) -> None:
+        os.close(file.fileno())
+        file.write(bytes(1 << 20))
+
+    with pytest.raises(OutputError, match=r"shot\.dng: cannot be written"), durable_file(tmp_path / "shot.dng") as file:
+        write(file)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "shot.tif"
+    path.write_bytes(b"old")
+
+    def broken(*_: object) -> NoReturn:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "link", broken)  # so that it is copied
+    monkeypatch.setattr(shutil, "copyfileobj", broken)
+    with pytest.raises(OutputError, match=r"shot\.tif: cannot be read, to keep it as shot\.tif\.bak"):
+        keep_old(path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["shared", "device", "offline", "panchroma"])
+def test_on_windows_one_sentence_says_what_to_do(name: str) -> None:
+    script = "import sys\nsys.modules['fcntl'] = None\ntry:\n    import {}\nexcept ImportError as error:\n    print(error)"
+    assert "Linux and macOS; on Windows install it in the Windows Subsystem for Linux" in run_python(script.format(name))
+
+
+def test_on_windows_the_command_says_what_to_do_in_one_line() -> None:
+    script = "import sys\nsys.modules['fcntl'] = None\nfrom tools.cli import main\nmain()"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert "Linux and macOS; on Windows install it in the Windows Subsystem for Linux" in done.stderr
 
 
 def test_errors_name_file_and_remedy(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import json
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -50,6 +50,11 @@ def run(*arguments: str | Path, code: int | None = None) -> Outcome:
     assert isinstance(left, int)
     assert left == code or code is None, err.getvalue()
     return Outcome(left, out.getvalue(), err.getvalue())
+
+
+def repeated(option: str, values: Iterable[str | Path]) -> list[str | Path]:
+    """An option before each of its values."""
+    return [word for value in values for word in (option, value)]
 
 
 def start(*arguments: str | Path, before: tuple[str, ...] = (), script: str = SCRIPT, **options: Any) -> "subprocess.Popen[str]":

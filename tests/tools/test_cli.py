@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import signal
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -246,6 +247,14 @@ def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shot
     assert (out / "builtin-24x18.tif").read_bytes()[:4] == b"II*\0"
     run("render", shots / SHOT, "-o", out, "--overwrite", code=0)  # the same bytes as with all streams
     assert ("colour" in outcome.err) == (closed == ">&-")
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_folder_that_cannot_be_synced_is_one_remark(tmp_path: Path, unsynced_folders: Callable[[int], None]) -> None:
+    unsynced_folders(errno.EIO)
+    outcome = run("simulate", "builtin:24x18", "builtin:18x24", "-o", tmp_path / "shots", code=0)
+    assert [line.startswith(str(tmp_path)) for line in outcome.err.splitlines() if "cannot be synced" in line] == [True]
+    assert results(tmp_path / "shots") == {SHOT, "builtin-18x24.dng"}
 
 
 def test_file_names_that_no_encoding_holds(shots: Path) -> None:

@@ -66,9 +66,10 @@ def read_known(path: Path) -> Camera:
 
 
 def check_same(path: Path, old: Camera, base: Mosaic) -> None:
-    """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor, pattern or white level."""
+    """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor, pattern, size or white level."""
     try:
         old.check(base.pattern, base.calibration)
+        old.check_size(base.shape)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if old.calibration.white_level != base.calibration.white_level:

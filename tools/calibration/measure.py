@@ -81,7 +81,7 @@ def conclude(
     refusal = "; ".join(part.refusal for part in parts if part.refusal)
     camera = None
     if not refusal:
-        camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured})
+        camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured}, seen.base.shape)
     contradictions = tuple(line for part in parts for line in part.contradictions)
     warnings = (*seen.remarks, *(line for part in parts for line in part.warnings), *_outdated(evidence, measured))
     return Conclusion(evidence, parts, camera, refusal, contradictions, warnings)

@@ -98,6 +98,7 @@ class Observations:
     shots: of each shot of a chart or of an ordinary scene.
     lights: the names of the two lights on the charts; () = one light, whose name does not matter.
     shading: of flat frames.
+    stated_defects: (row, column) of the defects that the frames state.
     skipped: a line for each frame, or set of frames, that could not be used.
     remarks: why flat frames do not show shading or noise, and why a measurement of before is kept.
     """
@@ -108,6 +109,7 @@ class Observations:
     shots: list[ShotMeasurement] = field(default_factory=list)
     lights: tuple[str, ...] = ()
     shading: ShadingResult | None = None
+    stated_defects: set[tuple[int, int]] = field(default_factory=set)
     skipped: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 

@@ -5,50 +5,128 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import lab_to_xyz
+from shared.colorimetry import lab_to_xyz, xyz_to_lab
+from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
 from shared.reading import MAX_DOCUMENT, read_text
 
-from .chart.place import COLUMNS, PATCHES
+from .chart.place import COLUMNS, NAMES, PATCHES
 
 _TI3 = Path(__file__).with_name("chart.ti3")  # CGATS requires its declarations (KEYWORD) of non-standard keywords
-_PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
+_PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
-_LARGEST = 1000  # XYZ on a scale of 100, or L*a*b*: no chart has larger values
+_LIGHT = re.compile(r"ILLUMIN\w*[^\w\n]+(?:D(?!50\b)\d\d|A|B|C|E|F\d+)\b", re.IGNORECASE)
+_OBSERVER = re.compile(r"OBSERVER\w*[^\w\n]+10\b", re.IGNORECASE)
+_WHITE = 18
+_LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on charts sold
+_MOST_LIGHTNESS, _MOST_CHROMA = 100.5, 128
+_TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
+_EXCHANGED, _OF_THE_SAME_CHART = 5.0, 6.0  # dE2000: two patches differ by 9 and more, two charts of a kind by 1 to 3
 
 
 def read_reference(path: Path) -> DoubleArray:
-    """Read a CGATS file with XYZ (0..100) or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1, in reading order.
+    """Read a CGATS file with XYZ or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1, in reading order.
 
-    Patches are named by column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie) or numbered in reading
+    XYZ may be those of 0 to 1 or of 0 to 100, which the white patch tells. Patches are named by column and row (A1 dark skin, A4
+    white, F4 black, as in Argyll's ColorChecker.cie), by row and column (A1 dark skin, D1 white, D6 black) or numbered in reading
     order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
     """
     try:
         text = read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1")
+        return _reference(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    fields, rows = _table(text, path)
-    columns = next((names for names in _COLUMNS if names[0] in fields), None)
+
+
+def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
+    """Raise InputError, naming the file, if its colours are those of a ColorChecker in another order.
+
+    reference: (24, 3), XYZ (D50), white = 1, as read from the file; usual: those of the built-in chart.
+    """
+    first, second = (xyz_to_lab(colours) for colours in (reference, usual))
+    difference = delta_e_2000(np.repeat(first, PATCHES, axis=0), np.tile(second, (PATCHES, 1))).reshape(PATCHES, PATCHES)
+    patches, places = linear_sum_assignment(difference)
+    matched, own = difference[patches, places], np.diag(difference)
+    wrong = np.flatnonzero(own - matched > _EXCHANGED)
+    if matched.mean() < _OF_THE_SAME_CHART and wrong.size:
+        one = int(wrong[0])
+        raise InputError(
+            f"{path}: the colour of {_name(one)} ({NAMES[one]}) is that of {_name(int(places[one]))} ({NAMES[places[one]]}) on a "
+            f"ColorChecker, and {wrong.size} patches are elsewhere in all; correct names or order: A1 to F1, A2 to F2, ... F4"
+        )
+
+
+def _reference(text: str) -> DoubleArray:
+    """Return XYZ (24, 3) in reading order, from the text of a file; raises InputError."""
+    fields, rows = _table(text)
+    columns = next((names for names in _COLUMNS if all(name in fields for name in names)), None)
     if columns is None:
-        raise InputError(f"{path}: has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B")
-    if len(rows) != PATCHES or any(column not in fields for column in columns):
-        raise InputError(f"{path}: {len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
+        spectra = any(field.upper().startswith(("SPEC", "NM")) for field in fields)
+        remedy = "; it has spectra: turn them into XYZ for D50 and 2 degrees, as Argyll's spec2cie does" if spectra else ""
+        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B{remedy}")
+    if len(rows) != PATCHES:
+        raise InputError(f"{len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
         values = np.array([[float(row[fields.index(column)]) for column in columns] for row in rows])
     except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-    if not np.isfinite(values).all() or np.abs(values).max() > _LARGEST:
-        raise InputError(f"{path}: a colour is beyond {_LARGEST}; expected XYZ of 0..100, or L*a*b*")
-    label = next((name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields), None)
-    order = [_index(row[fields.index(label)]) if label else number for number, row in enumerate(rows)]
-    if sorted(order) != list(range(PATCHES)):
-        raise InputError(f"{path}: {label} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
+        raise InputError(str(error)) from None
+    if not np.isfinite(values).all():
+        raise InputError("a colour is not a finite number")
+    labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
+    orders = [order for label in labels if (order := _order([row[fields.index(label)] for row in rows]))]
+    if labels and not orders:
+        raise InputError(f"{' or '.join(labels)} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
     ordered = np.empty_like(values)
-    ordered[order] = values
-    return ordered / 100 if columns == _COLUMNS[0] else lab_to_xyz(ordered)
+    ordered[orders[0] if orders else list(range(PATCHES))] = values
+    _check_light(text)
+    return _checked(_scaled(ordered) if columns == _COLUMNS[0] else _from_lab(ordered))
+
+
+def _scaled(values: DoubleArray) -> DoubleArray:
+    """Return XYZ with white = 1, from those of 0 to 1 or of 0 to 100."""
+    white = float(values[_WHITE, 1])
+    for scale in (1, 100):
+        if _LEAST_WHITE <= white / scale <= _MOST_WHITE:
+            return values / scale
+    raise InputError(
+        f"the white patch (A4) has XYZ_Y {white:g}, expected about 0.9 (of 0 to 1) or 90 (of 0 to 100), relative to perfect white; "
+        "divide all by what that reads, or correct the order"
+    )
+
+
+def _from_lab(values: DoubleArray) -> DoubleArray:
+    """Return XYZ with white = 1, from L*a*b* (D50)."""
+    light = values[:, 0]
+    if light.min() < 0 or light.max() > _MOST_LIGHTNESS or np.abs(values[:, 1:]).max() > _MOST_CHROMA:
+        raise InputError(f"L*a*b* lies beyond L* 0 to 100 and a*, b* -{_MOST_CHROMA} to {_MOST_CHROMA}; is it encoded?")
+    return lab_to_xyz(values)
+
+
+def _checked(reference: DoubleArray) -> DoubleArray:
+    """Return the reference. Raises InputError unless its greys get darker from patch to patch and are grey for D50."""
+    grey = reference[_WHITE:]
+    if reference.min() < 0 or not _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE or (np.diff(grey[:, 1]) >= 0).any():
+        raise InputError(
+            "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, to black; correct scale or order"
+        )
+    tint = np.median(xyz_to_lab(grey)[:, 1:], axis=0)
+    if np.hypot(*tint) > _TINTED:
+        raise InputError(
+            f"the grey row has a tint (a* {tint[0]:.0f}, b* {tint[1]:.0f}), as for another light than D50; adapt the colours to D50"
+        )
+    return reference
+
+
+def _check_light(text: str) -> None:
+    """Raise InputError if the file says that its colours are for another light than D50, or another observer than 2 degrees."""
+    header = text.partition("BEGIN_DATA_FORMAT")[0]
+    for said, remedy in ((_LIGHT.search(header), "D50"), (_OBSERVER.search(header), "2 degrees")):
+        if said:
+            raise InputError(f"says {' '.join(said[0].split())}; its colours have to be for {remedy}")
 
 
 def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
@@ -62,28 +140,41 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
     camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
     rows = []
     for index, values in enumerate(100 * np.concatenate([reference, camera], axis=1)):
-        name = f"{'ABCDEF'[index % COLUMNS]}{index // COLUMNS + 1}"
-        rows.append(" ".join([name, *(f"{value:.6f}" for value in values)]))
+        rows.append(" ".join([_name(index), *(f"{value:.6f}" for value in values)]))
     return Template(_TI3.read_text("utf-8")).substitute(number=PATCHES, rows="\n".join(rows))
 
 
-def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:
+def _table(text: str) -> tuple[list[str], list[list[str]]]:
     """Return field names and rows of the first table."""
-    words = [quoted or bare for quoted, bare in _WORD.findall(text)]
+    pairs = _WORD.findall(text)
+    words = [quoted or bare for quoted, bare in pairs]
     try:
         begin = words.index("BEGIN_DATA_FORMAT")
         fields = words[begin + 1 : words.index("END_DATA_FORMAT", begin)]
         begin = words.index("BEGIN_DATA")
-        words = words[begin + 1 : words.index("END_DATA", begin)]
+        data = slice(begin + 1, words.index("END_DATA", begin))
     except ValueError:
-        raise InputError(f"{path}: is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
+        raise InputError("is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
+    if comma := next((bare for _, bare in pairs[data] if "," in bare), ""):
+        raise InputError(f"{comma} has a comma; CGATS has decimal points, and spaces or tabs between values")
+    words = words[data]
     if not fields or len(words) % len(fields):
-        raise InputError(f"{path}: {len(words)} values do not fill rows of {len(fields)} fields")
+        raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields")
     return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
 
 
-def _index(name: str) -> int:
-    """Return the index, in reading order, of a patch's name; -1 = not a name."""
-    if place := _PLACE.fullmatch(name):
-        return (int(place[2]) - 1) * COLUMNS + "ABCDEF".index(place[1].upper())
-    return int(name) - 1 if re.fullmatch(r"[0-9]{1,3}", name) else -1
+def _order(names: list[str]) -> list[int]:
+    """Return the index in reading order of each patch, [] unless the names are those of all patches."""
+    places = [(name[1].upper(), int(name[2])) for each in names if (name := _PLACE.fullmatch(each))]
+    by_column = [(number - 1) * COLUMNS + "ABCDEF".index(letter) for letter, number in places]
+    by_row = ["ABCDEF".index(letter) * COLUMNS + number - 1 for letter, number in places]
+    numbered = [int(name) - 1 for name in names if re.fullmatch(r"[0-9]{1,3}", name)]
+    for order in (by_column, by_row, numbered):
+        if sorted(order) == list(range(PATCHES)):
+            return order
+    return []
+
+
+def _name(index: int) -> str:
+    """Return the name of the patch with this index in reading order."""
+    return f"{'ABCDEF'[index % COLUMNS]}{index // COLUMNS + 1}"

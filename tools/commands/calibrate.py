@@ -2,8 +2,8 @@
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
 be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
-frame, the others are shots. A shot that cannot be used is skipped, with the reason. All is kept in one
-camera.json.
+frame, the others are shots. --dark and --flat take one file or folder each, and are repeated for more. A shot that cannot be used
+is skipped, with the reason. All is kept in one camera.json.
 """
 
 import argparse
@@ -35,11 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "SHOT ...", "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below", dest="shots", nargs="*"
     )
     option(parser, "-o --output FILE", "camera.json to write", required=True)
-    option(
-        parser, "--dark F ...", "frames (or folders of them) with the lens covered: black level, read noise, defects", default=()
-    )
-    flat = "evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise"
-    option(parser, "--flat F ...", flat)
+    frames = {
+        "dark": "a frame with the lens covered: black level, read noise, defects",
+        "flat": "an evenly lit frame: shading; two of each exposure: gain, read noise",
+    }
+    for kind, shown in frames.items():
+        option(parser, f"--{kind} F", f"{shown}; or a folder of them; repeatable", action="append", default=[])
     option(
         parser,
         "--chart-light LIGHT F ...",
@@ -62,7 +63,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
     from tools.calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from tools.calibration.measure import conclude
-    from tools.calibration.reference import read_reference
+    from tools.calibration.reference import check_order, read_reference
     from tools.calibration.report import report
     from tools.calibration.session import Session
 
@@ -80,7 +81,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html", folder / "chart.ti3"))
-    chart_colours = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
+    chart_colours = color_checker_xyz()
+    if arguments.chart:
+        usual, chart_colours = chart_colours, read_reference(Path(arguments.chart))
+        check_order(Path(arguments.chart), chart_colours, usual)
     old = read_known(output) if arguments.update and output.exists() else None
     session = Session(console, arguments.sensor, old)
     seen = session.measure(files, None if arguments.no_chart else chart_colours, corners)
@@ -90,7 +94,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
         unknown = f"gamma is not known, for no {'scene' if arguments.no_chart else 'chart'} could be used"
-        advice = "shoot it anew, or leave these shots out to keep only what the other frames show"
+        advice = "mend what is said above, or leave these shots out to keep only what the other frames show"
         return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
         check_same(output, old, seen.base)

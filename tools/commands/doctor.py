@@ -18,9 +18,9 @@ from importlib.metadata import PackageNotFoundError, requires
 from itertools import takewhile
 from pathlib import Path
 
-from shared.errors import PanchromaError
+from shared.errors import DurabilityWarning, PanchromaError
 from shared.processors import processors
-from shared.writing import write_durably
+from shared.writing import sync_folder, write_durably
 from tools.host.console import Console
 from tools.host.font_folder import temporary_font_folder
 from tools.host.jobs import FAILED
@@ -219,19 +219,22 @@ def _machine() -> Iterator[Finding]:
 
 
 def _writing() -> Iterator[Finding]:
-    """Write a file as every result is written: a temporary file, fsync, rename."""
+    """Write a file as every result is written: a temporary file, fsync, rename, fsync of the folder."""
     place = os.environ.get("TMPDIR", "the folder for temporary files")
     try:
         place = tempfile.gettempdir()
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+            warnings.simplefilter("ignore", DurabilityWarning)
             path = Path(folder) / "written"
             write_durably(path, b"once")
             write_durably(path, b"again", overwrite=True)
             kept = path.read_bytes() == b"again" and len(list(Path(folder).iterdir())) == 1
+            durable = sync_folder(Path(folder))
     except (OSError, PanchromaError) as error:
-        yield Finding("writing", BAD, f"{place}: {error}", "free some space there, or set TMPDIR to another folder")
+        yield Finding("writing", BAD, f"{place}: {error}", "set TMPDIR to another folder")
     else:
-        yield _judged("writing", kept, f"durable in {place}", "the file system does not keep what is written; use another")
+        found = f"durable in {place}" if durable else f"whole files in {place}, whose folders cannot be synced"
+        yield _judged("writing", kept, found, "the file system does not keep what is written; use another")
 
 
 CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (_program, _packages, _opencv, _preview, _kernels, _machine, _writing)

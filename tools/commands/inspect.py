@@ -133,8 +133,8 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         },
         "learned": network.stem if network else None,
         "bits": calibration.bits,
-        "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
-        "saturated": float((read >= calibration.full_scale).mean()),
+        "mean_luminance": float(panchromatic.mean(dtype=np.float64)) if panchromatic.size else None,
+        "saturated": float((read >= calibration.full_scale).mean()) if read.size else None,
         "calibration": calibration.to_json(),
         "calibration_id": calibration.id,
         "metadata": {
@@ -159,6 +159,9 @@ def _light(mosaic: Mosaic) -> float:
 def _table(facts: dict[str, Any]) -> list[str]:
     """The facts as the lines of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
+    light = "unknown: no pixel is panchromatic"
+    if facts["mean_luminance"] is not None:
+        light = f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
     rows = [
@@ -166,7 +169,7 @@ def _table(facts: dict[str, Any]) -> list[str]:
         ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
         *(("", " ".join(row)) for row in pattern["letters"]),
         ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
-        ("luminance", f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"),
+        ("luminance", light),
         *_calibration(calibration).items(),
         ("sensor", f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"),
         ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),

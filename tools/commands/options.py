@@ -118,7 +118,7 @@ _SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
 def option(group: argparse._ActionsContainer, shown: str, help: str, **settings: Any) -> None:  # noqa: A002  argparse's name
     """Add an option, or what is named without one.
 
-    shown: as the help shows it: "-o --output DIR", "--dark F ..." (a list, by default an empty one), "--origin ROW COLUMN",
+    shown: as the help shows it: "-o --output DIR", "--shifts F ..." (a list, by default an empty one), "--origin ROW COLUMN",
         "--json" (a switch).
     settings: of argparse, instead of those that this says; `dest` of what is named without an option.
     """

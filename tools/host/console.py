@@ -5,7 +5,8 @@ import re
 import sys
 import traceback
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -153,6 +154,19 @@ def fault(error: BaseException) -> str:
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
     return error.trace if isinstance(error, WorkerFault) else "".join(traceback.format_exception(error))
+
+
+def note_warnings(note: Callable[[str], None]) -> None:
+    """Give warnings of Panchroma itself to `note`, for the rest of this program; others are shown as before."""
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if category.__module__.partition(".")[0] in OUR_PACKAGES:
+            note(str(message))
+        else:
+            usual(message, category, *place)
+
+    warnings.showwarning = show  # type: ignore[assignment]  # the rest is the place, which ours do not need
 
 
 def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:

@@ -14,6 +14,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 
 from shared.errors import InputError
 
+from .console import note_warnings
 from .progress import Note, StageProgress
 from .signals import deferred_signals, end_with_parent, raise_lost_signal, send_again_if_lost
 from .work import Here, portable, result_or_error
@@ -132,6 +133,7 @@ def serve(connection: Connection, work: Callable[[P, StageProgress], R]) -> None
         with suppress(OSError):  # the parent has ended
             connection.send((True, text))
 
+    note_warnings(note)
     with suppress(EOFError, OSError):
         while True:
             connection.send((False, portable(result_or_error(work, connection.recv(), StageProgress(note=note)))))

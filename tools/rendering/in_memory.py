@@ -57,6 +57,7 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | N
     """
     from offline import colour_bands, measure, row_stages
 
+    chosen = row_stages if stages is None else stages
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
@@ -66,7 +67,7 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | N
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(colour_bands(measured, settings, progress, stages or row_stages), mosaic.shape[0]), measured.lost
+        return joined(colour_bands(measured, settings, progress, chosen), mosaic.shape[0]), measured.lost
 
 
 def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:

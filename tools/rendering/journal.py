@@ -18,9 +18,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from shared.errors import InputError
+from shared.errors import InputError, OutputError
 from shared.figures import parsed_json
-from shared.writing import own_file, short_name, sync_folder
+from shared.writing import own_file, reason, short_name, sync_folder
 from tools.host.jobs import identity
 
 NAME = ".panchroma-journal.jsonl"
@@ -60,8 +60,14 @@ class Journal:
         return self._entries.get(output, [])
 
     def append(self, entry: Entry) -> None:
-        """Add an entry, and wait until it is on the disk. Raises OSError; the torn line that may be left then is ignored."""
+        """Add an entry, and wait until it is on the disk. Raises OutputError; the torn line that may be left then is ignored."""
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
+        try:
+            self._append(line)
+        except OSError as error:
+            raise OutputError(f"{self._path}: {reason(error, self._path)}") from error
+
+    def _append(self, line: bytes) -> None:
         with own_file(self._path, "ab+", buffering=0) as file:
             if os.fstat(file.fileno()).st_nlink > 1:  # the other name may be that of an original, or of a copy in a backup
                 raise OSError(errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy")

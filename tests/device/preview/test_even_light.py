@@ -53,3 +53,37 @@ def test_noise_below_black_stays() -> None:
     assert int(codes.min()) >= 0
     expected = -256 * calibration.scale()[-1] * LENS.of_plane(SHAPE)[5, 5]
     assert (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1, 3])
+@pytest.mark.parametrize("headroom", [True, False])
+def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(scale: int, headroom: bool) -> None:
+    calibration = SensorCalibration.of_bits(12, headroom=headroom, shading=LENS)
+    red = np.broadcast_to(np.array((1.1, 0.05, 0.02), np.float32), (*SHAPE, 3))  # 0.4 of full scale before the gain
+    gain = LENS.of_plane(SHAPE)[..., None]
+    assert gain[0, 0] > 3
+    taken = simulate_additive(red * gain, PATTERN, calibration, 0.0, np.random.default_rng(0))
+    mosaic = Mosaic(taken.codes, PATTERN, calibration)
+    assert mosaic.codes.max() < 0.5 * 4095
+    corner = Preview.for_mosaic(mosaic, scale).run(mosaic)[: 20 // scale, : 20 // scale].astype(int)
+    assert corner[..., 0].min() > 250
+    assert (corner[..., 0] - corner[..., 1:].max(axis=2)).min() > 100
+
+
+@pytest.mark.parametrize("scale", [1, 3])
+def test_what_is_saturated_is_white_wherever_the_gain_is_small_or_large(scale: int) -> None:
+    calibration = SensorCalibration.of_bits(12, headroom=False, shading=LENS, neutral=(0.6, 1.0, 0.7))
+    codes = np.full(SHAPE, 4095, np.uint16)
+    for _, *part in PATTERN.lattices:
+        codes[*part] = 2000  # panchromatic samples alone are saturated
+    picture = Preview.for_mosaic(Mosaic(codes, PATTERN, calibration), scale).run(Mosaic(codes, PATTERN, calibration))
+    assert picture.min() == 255
+
+
+@pytest.mark.parametrize("scale", [1, 3])
+def test_highlights_look_as_without_shading(scale: int) -> None:
+    clipped = [shot(16, shading, light=6) for shading in (False, True)]
+    even, undone = (Preview.for_mosaic(each, scale).run(each).astype(int) for each in clipped)
+    middle = np.abs(LENS.of_plane(SHAPE)[scale // 2 :: scale, scale // 2 :: scale] - 1) < 0.01
+    assert (even[middle] == 255).all(axis=1).mean() > 0.02
+    assert np.quantile(np.abs(undone - even)[middle], 0.97) <= 4

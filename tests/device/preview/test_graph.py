@@ -9,6 +9,7 @@ from onnx import numpy_helper
 
 from device import Preview
 from device.preview import chromaticity, contract, graph, luminance, pattern_graph, picture
+from device.preview.geometry import Geometry
 from device.preview.graph import build_preview
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
@@ -18,7 +19,7 @@ from shared.sensor import sample
 from tests.reference.compare import assert_close
 from tests.reference.preview import preview, small_preview
 
-DIGEST = "5aaf1a2ed2615c2b8c02ddcf66e4dcd7025c3425f29d1c4a05d343c9bd798040"
+DIGEST = "d04a92d6ac8e2ccafff244386be45e392fdb3ec701fc2132be76c3e4bb20b545"
 """Of the graphs of CASES."""
 SINGLE = 2e-6
 """Of a literal double-precision preview, scene units: what single precision loses in ratios of small differences, 8e-7 here."""
@@ -153,12 +154,30 @@ def test_every_constant_matters(module: ModuleType, name: str, monkeypatch: pyte
 @pytest.mark.parametrize("name", [contract.BLACK, contract.SCALE, contract.GAMMA, contract.NOISE, contract.WHITE, contract.MATRIX])
 def test_every_element_of_every_input_matters(name: str) -> None:
     preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
-    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: codes((48, 54))}
+    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: codes((48, 54)), contract.GAIN: np.ones((1, 1), np.float32)}
     before = preview._session.run(None, inputs)[0]
     for place in np.ndindex(inputs[name].shape):
         values = inputs[name].copy()
         values[place] = values[place] * 1.5 + 0.01
         assert not np.array_equal(preview._session.run(None, {**inputs, name: values})[0], before), place
+
+
+def test_the_gain_of_every_patch_says_when_it_is_burnt_out() -> None:
+    pattern = CfaPattern.bayer()
+    preview, (above, below, left, right) = Preview(pattern, threads=1), Geometry(pattern).halo
+    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((48, 54), 3000, np.uint16)}
+    gain = np.ones(((48 - above - below) // 6, (54 - left - right) // 6), np.float32)
+    before = preview._session.run(None, {**inputs, contract.GAIN: gain})[0]
+    assert np.array_equal(preview._session.run(None, {**inputs, contract.GAIN: gain[:1, :1]})[0], before)
+    for row, column in np.ndindex(gain.shape):
+        burnt = gain.copy()
+        burnt[row, column] = 0.5
+        after = preview._session.run(None, {**inputs, contract.GAIN: burnt})[0]
+        patch = np.s_[6 * row : 6 * row + 6, 6 * column : 6 * column + 6]
+        assert (after[patch] == 255).all()
+        after[patch] = before[patch]
+        assert np.array_equal(after, before)
+        assert not (before[patch] == 255).all()
 
 
 def test_the_same_bytes_every_time() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from device import Preview
 from device.preview import preview as runtime
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from shared.arrays import CodeArray
 from shared.colorimetry import encode_srgb
 from shared.errors import InputError
@@ -37,6 +37,25 @@ def test_strips_and_threads_do_not_show(scale: int, linear: bool, monkeypatch: p
     for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
         monkeypatch.setattr(runtime, "_STRIP_PIXELS", pixels)
         assert np.array_equal(Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic), whole)
+
+
+def test_threads_are_those_of_the_program_or_of_its_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    pools: list[int] = []
+
+    def pool(count: int, name: str) -> ThreadPoolExecutor:
+        pools.append(count)
+        return ThreadPoolExecutor(count, name)
+
+    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pool)
+    mosaic = shot()
+    preview = Preview.for_mosaic(mosaic)
+    monkeypatch.setattr(processors, "chosen", processors._Chosen())  # none chosen; the environment may change after it is built
+    monkeypatch.setenv(processors.THREADS, "3")
+    preview.run(mosaic)
+    processors.use_threads(2)
+    preview.run(mosaic)
+    Preview.for_mosaic(mosaic, threads=1).run(mosaic)
+    assert pools == [3, 2, 1]
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2)])

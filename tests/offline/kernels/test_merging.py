@@ -81,6 +81,18 @@ def test_shows_more_than_one_frame_can() -> None:
     assert variance.min() > 0.999
 
 
+def test_no_sample_is_lost_where_other_frames_see_a_part_of_the_scene_larger() -> None:
+    """All of them fit wherever a frame is in the list: otherwise those of the last one are missing."""
+    shape = 150, 230
+    nodes = np.array([[(0, 0), (0, 0.3 * shape[1])], [(0.3 * shape[0], 0), (0.3 * shape[0], 0.3 * shape[1])]], np.float32)
+    motions = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)]
+    planes, every, order = burst(0.1, shape, motions), np.full((3, *shape), 255, np.uint8), [0, 2, 1]
+    noise = np.array([[0, 0.01]] * 3)
+    in_order, _, _, _ = merged(planes, every, noise, motions)
+    other, _, _, _ = merged(np.ascontiguousarray(planes[order]), every, noise, [motions[number] for number in order])
+    assert_close(other, in_order, FLOAT32)
+
+
 def test_displaces_a_frame() -> None:
     planes = burst(0.0)
     shown = displaced(planes[2], MOTIONS[2])

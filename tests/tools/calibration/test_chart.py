@@ -13,6 +13,7 @@ from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
 from shared.perspective import rectangle
 from tests.tools.calibration.known_camera import HEIGHT, REFERENCE, WIDTH, chart, frame, true_place
+from tools.calibration.chart import find
 from tools.calibration.chart.find import chart_at, find_chart
 from tools.calibration.chart.lattice import lattice_corners
 from tools.calibration.chart.picture import linear_picture
@@ -140,6 +141,13 @@ def test_in_front_of_a_brick_wall() -> None:
     scene[top : top + HEIGHT, left : left + WIDTH] = chart().rgb
     truth = ChartPlace(tuple((x + left, y + top) for x, y in true_place().corners))
     assert off(find_chart(frame(scene), REFERENCE).place, truth) < 0.1
+
+
+def test_no_place_on_a_wall_is_worth_refining(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refining takes a second for each place, and a wall has dozens of them."""
+    monkeypatch.setattr(find, "refined", lambda *_: pytest.fail("a place was refined"))
+    with pytest.raises(InputError, match="no ColorChecker was found"):
+        find_chart(frame(wall()), REFERENCE)
 
 
 def test_corners_by_hand_pass_the_same_tests() -> None:

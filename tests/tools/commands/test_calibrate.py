@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 
 from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
+from shared.colorimetry import D50, lab_to_xyz, xyz_to_lab
 from shared.errors import InputError
 from shared.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
-from tools.calibration.reference import read_reference, ti3
+from tools.calibration.reference import check_order, read_reference, ti3
 from tools.commands.calibrate import color_checker_xyz
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 
 
-STEPS: dict[str, list[str]] = {
+STEPS: dict[str, list[Any]] = {
     "chart": ["chart.dng", "--corners", *CORNERS],
-    "dark": ["--dark", "dark0.dng", "dark1.dng"],
-    "flat": ["--flat", *(f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2))],
+    "dark": repeated("--dark", ("dark0.dng", "dark1.dng")),
+    "flat": repeated("--flat", [f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2)]),
 }
 
 
@@ -70,13 +71,27 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert output.read_bytes() == text, "equal frames make equal files"
 
 
+def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_path: Path) -> None:
+    output, dark, chart_shot = tmp_path / "camera.json", folder / "dark0.dng", folder / "chart.dng"
+    for words in (
+        ("--dark", dark, chart_shot),
+        (chart_shot, "--dark", dark),
+        ("--flat", folder / "flat10.dng", "--dark", dark, chart_shot),
+    ):
+        records = run("calibrate", *words, "-o", output, "--overwrite", "--json").records
+        kinds = {Path(record["source"]).name: record.get("kind") for record in records}
+        assert (kinds["dark0.dng"], kinds["chart.dng"]) == ("dark", "shot")
+    outcome = run("calibrate", "--dark", dark, folder / "dark1.dng", "-o", output, "--overwrite", code=1)
+    assert "dark1.dng: no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by --dark" in outcome.err
+
+
 def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
     first = calibrated(folder, output, "chart")
     assert first["verdict"] == "use it with care"
     assert "noise was not measured; take pairs of flat frames (--flat), and dark frames (--dark)" in first["warnings"]
     before, text = read_camera(output), output.read_text()
-    outcome = run("calibrate", "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update", code=0)
+    outcome = run("calibrate", *repeated("--dark", folder.glob("dark*")), "-o", output, "--update", code=0)
     after = read_camera(output)
     replaced = {part: getattr(after.calibration, part) for part in ("black_level", "defects")}
     assert after.calibration == replace(before.calibration, **replaced, camera=after.calibration.id)
@@ -87,11 +102,16 @@ def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Pat
 
 
 def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(folder: Path, tmp_path: Path) -> None:
-    grey, output = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2))), tmp_path / "camera.json"
+    halves, output = np.full((60, 90, 3), 0.2), tmp_path / "camera.json"
+    halves[:, 45:] = 0.5
+    grey = save(tmp_path / "grey.dng", frame(halves))
     dark = folder / "dark0.dng"
     copy = save(tmp_path / "copy.dng", read_dng(dark))
     said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
-    for words, why in (([grey, tmp_path / "absent.dng"], said), (["--dark", dark, copy], "copy.dng and .* have the same noise")):
+    for words, why in (
+        ([grey, tmp_path / "absent.dng"], said),
+        (repeated("--dark", (dark, copy)), "copy.dng and .* have the same noise"),
+    ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()
 
@@ -99,7 +119,7 @@ def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good
 def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
     """The only chart is of another period, and is skipped: then there is no camera. Without a chart the verdict says so."""
     other, output = save(tmp_path / "other.dng", frame(chart().rgb, 8)), tmp_path / "camera.json"
-    darks = ["--dark", str(folder / "dark0.dng"), str(folder / "dark1.dng")]
+    darks = repeated("--dark", (folder / "dark0.dng", folder / "dark1.dng"))
     outcome = run("calibrate", other, *darks, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["ok"], output.exists()) == (1, False, False)
     assert "period 8" in outcome.err
@@ -163,7 +183,8 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
         run("simulate", f"{kind}:720x480", "-o", to, "--protocol", "sensor", "--seed", str(seed), *lit, code=0)
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
-    outcome = run("calibrate", *frames["chart"], "--dark", *frames["dark"], "--flat", *frames["flat"], "-o", output, "--json")
+    others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]
+    outcome = run("calibrate", *frames["chart"], *others, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])
     assert outcome.records[-1]["verdict"] == "use it"
     camera = read_camera(output)
@@ -182,19 +203,96 @@ def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) 
     assert '  "sensor": "bench",' in lines
 
 
-def test_references_by_name_by_number_and_in_lab(tmp_path: Path) -> None:
-    reference = color_checker_xyz()
-    path = tmp_path / "chart.cie"
-    text = ti3(reference, np.full((24, 3), 0.5))
-    rows = text.split("BEGIN_DATA\n")[1].split("\nEND_DATA")[0].splitlines()
-    path.write_text(text.replace("\n".join(rows), "\n".join(reversed(rows))))
-    np.testing.assert_allclose(read_reference(path), reference, atol=1e-6)
-    path.write_text(text.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"))
-    assert read_reference(path).shape == (24, 3)
-    for wrong, words in (("CTI3", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
-        path.write_text(wrong)
-        with pytest.raises(InputError, match=words):
-            read_reference(path)
+REFERENCE = color_checker_xyz()
+BY_COLUMN = [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
+BY_ROW = [f"{'ABCD'[index // 6]}{index % 6 + 1}" for index in range(24)]
+PATCH_NAMES = [f'"patch, {index}"' for index in range(24)]
+XYZ, LAB = "XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"
+
+
+def cgats(
+    values: np.ndarray, columns: str = XYZ, names: list[str] = BY_COLUMN, header: str = "CTI3", label: str = "SAMPLE_ID"
+) -> str:
+    """A CGATS file."""
+    rows = [" ".join([name, *(f"{value:.6f}" for value in row)]) for name, row in zip(names, values, strict=True)]
+    begin = f"{header}\nBEGIN_DATA_FORMAT\n{label} {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
+    return begin + "\n".join(rows) + "\nEND_DATA\n"
+
+
+def exchanged(one: int, other: int) -> np.ndarray:
+    order = np.arange(24)
+    order[[one, other]] = other, one
+    return REFERENCE[order]
+
+
+def read(path: Path, text: str) -> np.ndarray:
+    path.write_text(text)
+    reference = read_reference(path)
+    check_order(path, reference, color_checker_xyz())
+    return reference
+
+
+TURNED = np.random.default_rng(0).permutation(24)
+READ = {
+    "0 to 1": cgats(REFERENCE),
+    "0 to 100": cgats(100 * REFERENCE),
+    "Lab": cgats(xyz_to_lab(REFERENCE), LAB),
+    "any order": cgats(REFERENCE[TURNED], names=[BY_COLUMN[index] for index in TURNED]),
+    "rows named by letters": cgats(REFERENCE[TURNED], names=[BY_ROW[index] for index in TURNED]),
+    "numbered": cgats(REFERENCE[TURNED], names=[str(index + 1) for index in TURNED]),
+    "words beside numbers": cgats(REFERENCE, names=[f"{name} {index + 1}" for index, name in enumerate(PATCH_NAMES)],
+                                  label="SAMPLE_NAME SAMPLE_ID"),
+    "D50": cgats(REFERENCE, header='MEASUREMENT_SOURCE "Illumination=D50 ObserverAngle=2"'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", READ)
+def test_a_reference_is_read_in_every_form(form: str, tmp_path: Path) -> None:
+    np.testing.assert_allclose(read(tmp_path / "chart.cie", READ[form]), REFERENCE, atol=2e-6)
+
+
+def test_another_chart_of_the_kind_and_one_of_other_colours_are_read(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    faded = lab_to_xyz(xyz_to_lab(REFERENCE) * 0.97 + random.normal(0, 1, (24, 3)))
+    np.testing.assert_allclose(read(tmp_path / "own.cie", cgats(100 * faded)), faded, atol=2e-6)
+    other = np.concatenate([random.uniform((25, -40, -40), (90, 40, 40), (18, 3)), xyz_to_lab(REFERENCE[18:])])
+    np.testing.assert_allclose(read(tmp_path / "other.cie", cgats(other, LAB)), lab_to_xyz(other), atol=2e-6)
+
+
+TO_D65 = np.array([0.95047, 1, 1.08883]) / D50
+WRONG = {
+    "no table": ("CTI3", "is not a CGATS file"),
+    "a patch twice": (cgats(REFERENCE).replace("A1 ", "A2 "), "once"),
+    "no colours": (cgats(REFERENCE, "ABC_X ABC_Y ABC_Z"), "has neither XYZ_X"),
+    "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into XYZ"),
+    "a patch missing": (cgats(REFERENCE[:23], names=BY_COLUMN[:23]), "23 patches with XYZ_X, XYZ_Y, XYZ_Z, expected 24"),
+    "decimal commas": (re.sub(r"(\d)\.(\d)", r"\1,\2", cgats(REFERENCE)), "decimal points"),
+    "commas between values": (
+        re.sub(r"(\d) (\d)", r"\1,\2", cgats(REFERENCE)),
+        "has a comma; CGATS has decimal points",
+    ),
+    "0 to 255": (cgats(255 * REFERENCE), "has XYZ_Y 224.* expected about 0.9"),
+    "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
+    "lightness of 0 to 1": (cgats(xyz_to_lab(REFERENCE) / 100, LAB), "the grey row"),
+    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) * [2.55, 1, 1] + [0, 128, 128], LAB), "lies beyond"),
+    "not a number": (re.sub("A1 [^ ]*", "A1 nan", cgats(REFERENCE)), "not a finite number"),
+    "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
+    "said to be for D65": (cgats(REFERENCE, header='WEIGHTING_FUNCTION "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
+    "for 10 degrees": (
+        cgats(REFERENCE, header='MEASUREMENT_SOURCE "ObserverAngle=10"'),
+        "have to be for 2 degrees",
+    ),
+    "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
+    "six pairs": (cgats(REFERENCE[[*range(6, 18), *range(6), *range(18, 24)]]), "the colour of A1 .dark skin. is that of A2"),
+    "one pair": (cgats(100 * exchanged(7, 12)), "the colour of B2 .purplish blue. is that of A3 .blue.* and 2 patches"),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_a_reference_that_is_not_what_it_has_to_be_is_refused_by_name(fault: str, tmp_path: Path) -> None:
+    text, words = WRONG[fault]
+    with pytest.raises(InputError, match=f"chart.cie: .*(?:{words})"):
+        read(tmp_path / "chart.cie", text)
 
 
 def test_ti3_keeps_device_values_in_the_range_that_argyll_takes() -> None:

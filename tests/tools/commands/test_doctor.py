@@ -1,5 +1,6 @@
 """`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
 
+import errno
 import os
 import shutil
 from collections.abc import Callable
@@ -87,6 +88,13 @@ def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
     monkeypatch.setattr(doctor, "write_durably", failing(OSError(28, "No space left on device")))
     assert only("writing").state == BAD
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.EIO])
+def test_a_folder_that_cannot_be_synced_is_said_and_not_wrong(unsynced_folders: Callable[[int], None], number: int) -> None:
+    unsynced_folders(number)
+    finding = only("writing")
+    assert (finding.state, "cannot be synced" in finding.found, finding.remedy) == (GOOD, True, "")
 
 
 def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) -> None:

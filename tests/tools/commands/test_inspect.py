@@ -126,6 +126,13 @@ def test_brightness_is_that_of_panchromatic_samples(tmp_path: Path, code: int, m
     assert facts["saturated"] == saturated
 
 
+def test_a_shot_without_a_panchromatic_pixel_has_no_brightness(tmp_path: Path) -> None:
+    path = save(tmp_path / "shot.dng", Mosaic(np.full((2, 2), 900, np.uint16), CfaPattern.bayer(), PLAIN))
+    (facts,) = run("inspect", "--json", path).records
+    assert (facts["mean_luminance"], facts["saturated"]) == (None, None)
+    assert "no pixel is panchromatic" in run("inspect", path, code=0).out
+
+
 def archive(folder: Path) -> list[Path]:
     """Shots and a rendered DNG in folders and below, and files that are none of them."""
     (folder / "a" / "b").mkdir(parents=True)

@@ -10,7 +10,7 @@ import pytest
 
 from shared import CaptureMetadata, read_camera, read_dng
 from tests.tools.calibration.known_camera import edited, save, stating
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 from tools.camera.lens import lens_shading
 
 SIZE, SHAPE = "450x300", (300, 450)
@@ -34,7 +34,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         taken(folder, f"flat{number}.dng", f"flat:{SIZE}", *lens, light, "--seed", seed, focal=35.0, shading=None)
     taken(folder, "shot.dng", f"builtin:{SIZE}", *lens, "0.9", focal=50.0, shading=None)
     assert read_dng(folder / "true" / f"builtin-{SIZE}.dng").calibration.shading == LENS
-    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder, code=0)
+    outcome = run(
+        "calibrate", *repeated("--flat", folder.glob("flat*.dng")), "-o", folder / "camera.json", "--report", folder, code=0
+    )
     assert "shading: 1.4" in outcome.out
     return folder
 
@@ -73,7 +75,7 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Pa
         save(tmp_path / flat_path.name, stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS))
     tilted, new = sorted(tmp_path.glob("flat*.dng")), tmp_path / "new.json"
     reason = "flat frames: the light is tilted"
-    outcome = run("calibrate", "--flat", *tilted, "-o", new, "--json", code=0)
+    outcome = run("calibrate", *repeated("--flat", tilted), "-o", new, "--json", code=0)
     assert f"no shading was measured: {reason}" in outcome.err
     assert outcome.records[-1]["verdict"] == "use it with care"
     assert "shading" not in json.loads(new.read_text())
@@ -81,7 +83,7 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Pa
     refused = run("calibrate", "--flat", tilted[0], "-o", tmp_path / "none.json", code=1)
     assert "no two unclipped frames have the same exposure" in refused.err
     assert f"no shading was measured: {reason}" in refused.err
-    kept = run("calibrate", "--flat", *tilted, "-o", path, "--update")
+    kept = run("calibrate", *repeated("--flat", tilted), "-o", path, "--update")
     assert f"no shading was measured, and the one before is kept: {reason}" in kept.err
     assert read_camera(path).calibration.shading == read_camera(folder / "camera.json").calibration.shading
 

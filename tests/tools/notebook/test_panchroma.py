@@ -235,6 +235,10 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate(GREY, bits="12"), "`bits` is '12', expected a whole number"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
+        (lambda: panchroma.simulate(np.zeros((50, 50))), "(50, 50), expected (rows, columns, channels)"),
+        (lambda: panchroma.simulate(np.zeros((50, 0, 3), np.uint8)), "(50, 0, 3), expected"),
+        (lambda: panchroma.render(panchroma.simulate(GREY), stages=[]), "stages is list"),  # type: ignore[arg-type]
+        (lambda: panchroma.render(panchroma.simulate(GREY[:2, :2])), "2 x 2 pixels without a panchromatic one"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render("shot.dng", wb="sunny"), "`wb` is 'sunny'"),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),

@@ -10,6 +10,7 @@ import pytest
 import offline
 from shared import Camera, CfaPattern, SensorCalibration, Shading
 from shared.calibration import NoiseModel
+from shared.errors import OutputError
 from tests.walking import one_field_changed
 from tools.pictures.kind import PictureKind
 from tools.rendering.burst import BurstOrder
@@ -74,7 +75,7 @@ def test_a_link_in_the_place_of_the_journal_changes_no_original(tmp_path: Path, 
         (tmp_path / NAME).symlink_to(original)
     else:
         (tmp_path / NAME).hardlink_to(original)
-    with pytest.raises(OSError, match=r"remove it|replace it by a copy"):
+    with pytest.raises(OutputError, match=r"remove it|replace it by a copy"):
         Journal(tmp_path).append(entry())
     assert original.read_bytes() == b"a photograph"
 

@@ -24,6 +24,7 @@ from .place import COLUMNS, ROWS, ChartPlace, least_pitch
 
 _SIZES = (500, 900, 1500, 2500)  # longer sides of the pictures that are searched, the likeliest first
 _LARGEST_DIFFERENCE = 8.0  # mean dE2000 after the fit: real charts stay below 5, brick walls above 15
+_WORTH_REFINING = 16.0  # mean dE2000 before refinement: of charts below 5, of walls and boxes above 20; refining takes a second
 _DOUBTFUL = 30.0  # mean dE2000 above which a refused place is not worth mentioning
 _ENOUGH = 4.5  # mean dE2000 of a chart good enough to end the search
 _ALIKE = 0.5  # correlation of log luminances; a chart half in the shade still has 0.8
@@ -110,17 +111,19 @@ def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterat
     """Yield places whose luminances and colours are roughly a chart's, either way up; size: see `lattice_corners`."""
     wanted = np.log(reference[:, 1])
     for corners in lattice_corners(picture, size):
-        for turned in (corners, np.roll(corners, 2, axis=0)):
-            try:
+        slack = float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).min()) / (2 * ROWS)  # refinement may bring them in
+        try:
+            place = ChartPlace(as_rows(corners))
+        except InputError:  # a window whose perspective is extrapolated may turn inside out
+            continue
+        if not place.lies_in(picture.shape[:2], slack):
+            continue
+        luminance = np.log(np.maximum(patch_means(picture, place)[0].sum(axis=1), 1e-4))
+        for turned, seen in ((corners, luminance), (np.roll(corners, 2, axis=0), luminance[::-1])):
+            if seen.std() > 0 and np.corrcoef(seen, wanted)[0, 1] > _ALIKE:
                 place = ChartPlace(as_rows(turned))
-            except InputError:  # a window whose perspective is extrapolated may turn inside out
-                continue
-            if not place.lies_in(picture.shape[:2], place.pitch / 2):  # refinement may bring them in
-                continue
-            seen = np.log(np.maximum(patch_means(picture, place)[0].sum(axis=1), 1e-4))
-            alike = seen.std() > 0 and np.corrcoef(seen, wanted)[0, 1] > _ALIKE
-            if alike and _difference(picture, place, reference) <= 3 * _LARGEST_DIFFERENCE:
-                yield place
+                if _difference(picture, place, reference) <= _WORTH_REFINING:
+                    yield place
 
 
 def _near(place: ChartPlace, other: ChartPlace) -> bool:
@@ -158,13 +161,14 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     picture: (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
+    root = np.sqrt(np.maximum(luminance, 0))  # once: in every step it would cost a hundred times all else in a large frame
     best, scale = np.array(place.corners), place.pitch
     for reach in (0.12, 0.04):  # The second search has a new simplex: in eight dimensions the first may collapse too early.
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         found = minimize(
             _misfit,
             np.zeros(8),
-            args=(luminance, best, scale),
+            args=(luminance, root, best, scale),
             method="Nelder-Mead",
             options={"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6, "adaptive": True},
         )
@@ -186,14 +190,17 @@ def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tu
     return values.mean(axis=1), luminance.std(axis=1)
 
 
-def _misfit(moved: DoubleArray, luminance: FloatArray, corners: DoubleArray, scale: float) -> float:
-    """Return a measure of how uneven the patches and how bright the gaps are if the corners move by `scale * moved`."""
+def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float) -> float:
+    """Return a measure of how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
+
+    root: see `_gap_brightness`.
+    """
     try:
         place = ChartPlace(as_rows(corners + moved.reshape(4, 2) * scale))
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    return float(np.minimum(rough, 0.5).mean()) + _gap_brightness(np.sqrt(np.maximum(luminance, 0)), place)
+    return float(np.minimum(rough, 0.5).mean()) + _gap_brightness(root, place)
 
 
 def _gap_brightness(root: FloatArray, place: ChartPlace) -> float:

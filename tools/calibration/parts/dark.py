@@ -6,6 +6,7 @@ from ..noise import SIGMAS
 from ..part import Evidence, Part, rounded, table
 
 _MANY = 1e-3  # of the pixels
+_NAMED = 5  # defects that a warning lists
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 
 
@@ -30,13 +31,25 @@ def black_level(evidence: Evidence) -> Part | None:
 
 
 def defects(evidence: Evidence) -> Part | None:
-    """The defects. Dark frames alone show no dead pixels, and flat ones no hot pixels: then those of before stay."""
-    dark, flats, base = evidence.seen.dark, evidence.seen.flats, evidence.seen.base
-    if base is None or not (dark or flats):
+    """The defects. Those that the frames or the camera file state stay, unless dark and flat frames together do not show them.
+
+    Dark frames alone show no dead pixels, and flat ones no hot pixels.
+    """
+    dark, flats, base, stated = evidence.seen.dark, evidence.seen.flats, evidence.seen.base, evidence.seen.stated_defects
+    if base is None:
         return None
-    before = () if (dark and flats) or "defects" not in evidence.known else evidence.calibration.defects
-    found = sorted({*(dark.defects if dark else ()), *(flats.dead if flats else ()), *before})
+    shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
+    before = stated | set(evidence.calibration.defects)
+    if not (dark or flats):
+        return Part("defects", changes={"defects": tuple(sorted(before))}) if stated else None
+    found = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
     part, warnings = len(found) / base.samples.size, []
+    if gone := sorted(stated.difference(found)):
+        places = ", ".join(f"{row} {column}" for row, column in gone[:_NAMED]) + ", ..." * (len(gone) > _NAMED)
+        warnings.append(
+            f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, and are left out (row and column "
+            f"{places})"
+        )
     if part > _MANY:
         warnings.append(f"there are many defective pixels: {len(found)} ({100 * part:.2f} %)")
     if flats and flats.blind > _BLIND:

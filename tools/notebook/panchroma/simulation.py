@@ -118,7 +118,10 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
         array = np.array(None)
     if array.dtype == object:
         raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
-    if channels is not None and (array.ndim != 3 or array.shape[2] != len(channels)):
+    if array.ndim != 3 or not array.size:
+        grey = "; of a grey scene give each pixel three equal channels" if array.ndim == 2 else ""
+        raise InputError(f"the array has shape {array.shape}, expected (rows, columns, channels), none of them 0{grey}")
+    if channels is not None and array.shape[2] != len(channels):
         shape = f"(rows, columns, {len(channels)})"
         raise InputError(f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}")
     return scene_in_array(array, wanted, channels, linear=linear)

@@ -1,0 +1,207 @@
+"""Frames that do not belong together, or are of another kind than they are given as, are refused with that reason."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata, CfaPattern, Mosaic
+from shared.errors import InputError
+from tests.scenes import darker_corners
+from tests.tools.calibration.known_camera import BLIND, HEIGHT, NOISE, REFERENCE, WIDTH, chart, edited, frame, stating
+from tools.calibration.files import check_same
+from tools.calibration.measure import Conclusion, conclude
+from tools.calibration.observations import Observations
+from tools.calibration.session import Session
+from tools.host.console import Console
+
+SHAPE = (HEIGHT, WIDTH)
+EVEN = np.ones((*SHAPE, 3))
+KINDS = ("dark", "flat", "shots")
+
+
+@cache
+def taken(kind: str, seed: int = 0) -> Mosaic:
+    """A frame of a kind: "dark", "flat" in one of two lights, "chart"."""
+    scenes: dict[str, Any] = {"dark": 0 * EVEN, "flat": (0.2 + 0.4 * (seed > 1)) * EVEN, "chart": chart().rgb}
+    return frame(scenes[kind], seed=10 + seed)
+
+
+def several(kind: str, number: int, edit: Callable[[Mosaic], Mosaic] = lambda mosaic: mosaic) -> dict[str, Mosaic]:
+    return {f"{kind}{seed}.dng": edit(taken(kind, seed)) for seed in range(number)}
+
+
+def measured(**frames: Mapping[str, Mosaic]) -> Observations:
+    """What frames show; frames: of each kind, by name."""
+    every = {name: mosaic for named in frames.values() for name, mosaic in named.items()}
+    session = Session(Console(quiet=True), read=every.__getitem__)
+    files = {kind: list(frames.get(kind, ())) for kind in KINDS}
+    return session.measure(files, REFERENCE, None)
+
+
+def concluded(**frames: Mapping[str, Mosaic]) -> Conclusion:
+    return conclude(measured(**frames), REFERENCE)
+
+
+def window(mosaic: Mosaic) -> Mosaic:
+    return Mosaic(mosaic.codes[60:360, 60:540], mosaic.pattern, mosaic.calibration)
+
+
+def transposed(mosaic: Mosaic) -> Mosaic:
+    return Mosaic(mosaic.codes.T.copy(), mosaic.pattern, mosaic.calibration)
+
+
+def of_ten_bits(mosaic: Mosaic) -> Mosaic:
+    says = replace(BLIND, black_level=(64.0,) * 4, white_level=1023)
+    return Mosaic((mosaic.codes >> 2).astype(np.uint16), mosaic.pattern, says)
+
+
+def of_another_pattern(mosaic: Mosaic) -> Mosaic:
+    return replace(mosaic, pattern=CfaPattern.bayer(6, order="BGGR"))
+
+
+OTHERS: dict[str, tuple[Callable[[Mosaic], Mosaic], str]] = {
+    "a window": (window, "its size is 480 x 300 pixels, that of chart0.dng is 600 x 400 pixels"),
+    "transposed": (transposed, "its size is 400 x 600 pixels"),
+    "another pattern": (of_another_pattern, "its pattern is RGB period 6 .* that of chart0.dng is RGB period 6"),
+    "other bits": (of_ten_bits, "its number of bits is 10, that of chart0.dng is 12"),
+    "another white": (lambda mosaic: stating(mosaic, white_level=4000), "its white level is 4000, that of chart0.dng is 4095"),
+    "another black": (lambda mosaic: stating(mosaic, black_level=(240.0,) * 4), "its black level is 240 240 240 240"),
+    "another sensor": (lambda mosaic: stating(mosaic, sensor="other"), "its sensor is other, that of chart0.dng is bench"),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_a_frame_that_is_not_like_the_others_is_refused(other: str) -> None:
+    edit, words = OTHERS[other]
+    alone = measured(shots=several("chart", 1))
+    seen = measured(shots={**several("chart", 1), "other.dng": edit(taken("chart", 1))})
+    (line,) = seen.skipped
+    assert line.startswith("other.dng: ")
+    assert np.array_equal(seen.gamma.gamma, alone.gamma.gamma)
+    assert re.search(words, line)
+
+
+def test_flat_frames_of_another_size_measure_nothing() -> None:
+    for edit in (window, transposed):
+        seen = measured(dark=several("dark", 2), flat=several("flat", 4, edit), shots=several("chart", 1))
+        assert (seen.flats, seen.shading, len(seen.skipped)) == (None, None, 4)
+        assert all("that of dark0.dng is 600 x 400 pixels" in line for line in seen.skipped)
+
+
+def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Path) -> None:
+    camera = concluded(dark=several("dark", 2), shots=several("chart", 1)).camera
+    assert camera is not None
+    assert camera.size == SHAPE
+    check_same(tmp_path, camera, taken("chart"))
+    with pytest.raises(InputError, match="the frames have 480 x 300 pixels, those of the camera file 600 x 400"):
+        check_same(tmp_path, camera, window(taken("chart")))
+
+
+def test_a_copy_of_a_chart_does_not_count_whatever_it_is_called() -> None:
+    chart0 = taken("chart")
+    copy = Mosaic(chart0.codes.copy(), chart0.pattern, stating(chart0, noise=NOISE).calibration, CaptureMetadata(iso=100))
+    alone, seen = measured(shots=several("chart", 1)), measured(shots={**several("chart", 1), "copy.dng": copy})
+    assert seen.skipped == ["copy.dng: it is the same shot as chart0.dng: a copy adds nothing; leave it out"]
+    np.testing.assert_array_equal(seen.gamma.half_width, alone.gamma.half_width)
+    another = measured(shots=several("chart", 2))
+    assert another.skipped == []
+    assert (another.gamma.half_width < 0.8 * alone.gamma.half_width).all()
+
+
+STATED = ((3, 4), (50, 60), (200, 300))
+
+
+def test_defects_that_a_shot_states_are_kept_whatever_else_was_measured() -> None:
+    """Hot pixels at two of the stated places, and at one that nobody states."""
+    hot = np.zeros(SHAPE)
+    for place in (*STATED[:2], (7, 8)):
+        hot[place] = 60
+    shots = several("chart", 1, lambda mosaic: stating(mosaic, defects=STATED))
+    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda codes: codes + hot))
+    flats = several("flat", 4)
+    lit = {"dark0.dng": frame(0.3 * EVEN)}
+    for frames, expected in (
+        ({}, STATED),
+        ({"flat": flats}, STATED),
+        ({"dark": lit}, STATED),
+        ({"dark": darks}, (*STATED, (7, 8))),
+        ({"dark": lit, "flat": flats}, STATED),
+    ):
+        camera = concluded(shots=shots, **frames).camera
+        assert camera is not None
+        assert camera.calibration.defects == tuple(sorted(expected))
+    whole = concluded(dark=darks, flat=flats, shots=shots)
+    assert whole.camera is not None
+    assert set(whole.camera.calibration.defects) == {*STATED[:2], (7, 8)}
+    assert "1 defects that the frames state show neither in dark nor in flat frames" in " ".join(whole.warnings)
+    assert "200 300" in " ".join(whole.warnings)
+
+
+def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_come_first() -> None:
+    shading = darker_corners(SHAPE)
+    even = {"even.dng": stating(taken("chart"), noise=NOISE, shading=shading)}
+    base = measured(dark=several("dark", 2), shots=even).base
+    assert base is not None
+    assert (base.calibration.shading, base.calibration.noise) == (shading, NOISE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "words"),
+    [
+        ("dark", lambda: taken("chart"), "is not dark: it shows a scene"),
+        ("dark", lambda: frame(0.04 * chart().rgb), "is not dark: it shows a scene"),
+        ("dark", lambda: taken("flat"), "is not dark: its median is 20 % of full scale"),
+        ("flat", lambda: taken("chart"), "is no flat frame: it shows a scene"),
+        ("flat", lambda: taken("dark", 9), "is dark: no light fell in"),
+        ("shots", lambda: taken("dark", 9), "it is dark; a dark frame, or a folder of them, is given by `dark`"),
+        ("shots", lambda: taken("flat", 7), "it shows an even surface; a flat frame"),
+        (
+            "shots",
+            lambda: frame(0.01 * chart().rgb),
+            "it is too dark for a chart: its brightest places read 0.. % of full",
+        ),
+        ("shots", lambda: frame(9 * chart().rgb), "it is over-exposed: .* % of its panchromatic samples are clipped"),
+    ],
+)
+def test_a_frame_of_another_kind_is_recognised_and_the_others_count(kind: str, content: Callable[[], Mosaic], words: str) -> None:
+    others = {"dark": several("dark", 2), "flat": several("flat", 4), "shots": several("chart", 1)}
+    others[kind] = {"wrong.dng": content(), **others[kind]}
+    seen = measured(**others)
+    (line,) = seen.skipped
+    assert re.search(f"^wrong.dng: .*{words}", line)
+    assert seen.dark is not None
+    assert seen.flats is not None
+    assert len(seen.shots) == 1
+
+
+def test_a_dim_chart_is_told() -> None:
+    (line,) = measured(shots={"chart0.dng": frame(0.04 * chart().rgb)}).remarks
+    assert line.startswith("chart0.dng is dark: its white patch reads 3.")
+
+
+def offset_by(codes: float) -> Callable[[Mosaic], Mosaic]:
+    return lambda mosaic: edited(mosaic, lambda every: every + codes)
+
+
+@pytest.mark.parametrize("codes", [30, 90, -30, -90])
+def test_dark_frames_that_contradict_chart_and_stated_black_level_are_to_blame(codes: float) -> None:
+    seen = measured(dark=several("dark", 2, offset_by(codes)), shots=several("chart", 1))
+    (line,) = seen.skipped
+    assert "chart0.dng: the chart fits the black level that the shot states (256 257 255 258 codes), but not that of the" in line
+    assert "take dark frames anew" in line
+
+
+@pytest.mark.parametrize("stated", [96.0, 226.0, 346.0])
+def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: float) -> None:
+    def loose(mosaic: Mosaic) -> Mosaic:
+        return stating(mosaic, black_level=(stated,) * 4)
+
+    seen = measured(dark=several("dark", 2, loose), flat=several("flat", 4, loose), shots=several("chart", 1, loose))
+    assert (seen.skipped, seen.remarks) == ([], [])
+    np.testing.assert_allclose(seen.gamma.gamma, (0.9, 1.1, 0.8), rtol=0.01)
