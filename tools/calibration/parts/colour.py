@@ -52,8 +52,7 @@ def _under(evidence: Evidence, light: str) -> Part | None:
     """The colours under one light; None if no chart shows them."""
     gamma, chart_colours, candidates = evidence.gamma, evidence.chart_colours, []
     for shot in evidence.seen.shots:
-        usable = shot.light == light and shot.places is not None and not shot.places.clipped.any()
-        if gamma is not None and usable and shot.places is not None and shot.chart is not None:
+        if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
             candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
     if not candidates:
