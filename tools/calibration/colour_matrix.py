@@ -16,7 +16,7 @@ from shared.lights import illuminant_xy
 from .chart.place import COLUMNS, PATCHES, ROWS
 
 GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
-UNEVEN = 1.25  # brightest over dimmest light on the chart: above it the report warns
+UNEVEN, VERY_UNEVEN = 1.25, 1.5  # brightest over dimmest light on the chart: worth a word if colours show it; in any case
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 _STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
 _ROUNDS = 12

@@ -14,7 +14,7 @@ from shared.lights import CalibratedLight
 
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled
-from ..colour_matrix import UNEVEN, ColourFit, fit_colour, light_change, white_balanced
+from ..colour_matrix import UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change, white_balanced
 from ..observations import ShotMeasurement
 from ..part import Evidence, Part, css_colours, table
 from ..reference import ti3
@@ -24,6 +24,7 @@ from .gamma import coloured_light
 # See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two cameras; the rest is for lamps and daylight
 # that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
+_CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
 _GOOD, _USELESS = 4.0, 6.0  # mean dE2000: an average chart in average light stays below; above it the colours are useless
 _BRIGHT_GREYS = list(range(18, 21))  # white, neutral 8, neutral 6.5
 Candidate = tuple[ColourFit, ShotMeasurement, DoubleArray]
@@ -101,7 +102,7 @@ def _under(evidence: Evidence, candidates: Sequence[Candidate]) -> Part | None:
     mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
     warnings, off = [], f"{shot.name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than"
     # In strongly coloured light other errors are corrected as uneven light.
-    if fit.unevenness > UNEVEN and not coloured_light(shot):
+    if fit.unevenness > (UNEVEN if left_out > _CORRECTED else VERY_UNEVEN) and not coloured_light(shot):
         warnings.append(
             f"{shot.name}: the light on the chart is uneven, up to {fit.unevenness:.2f} times brighter in one place than in "
             "another, and colours are only corrected for it in part; light the chart evenly, and take flat frames (`flat`) if the "
