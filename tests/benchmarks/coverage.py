@@ -23,13 +23,11 @@ from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.session import Session
 from tools.host.console import Console
-from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.drawn.charts import chart_scene
 
 SHAPE = (400, 600)
 KINDS = (
-    "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat",
-    "scene", "scene+dark+flat", "scenes+dark+flat", "chart+scene+dark+flat", "dark+flat", "flat",
+    "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat", "dark+flat", "flat",
 )  # fmt: skip
 SIGMAS = 1.96
 NAMES = ("gamma", "black", "shot", "read")
@@ -109,13 +107,8 @@ def charts() -> FloatArray:
     return chart_scene(600, 400).rgb
 
 
-@cache
-def leaves() -> FloatArray:
-    return builtin_scene(SHAPE[1], SHAPE[0]).rgb
-
-
 def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
-    """Three charts, two scenes, four dark frames and pairs of flat frames of three exposures."""
+    """Three charts, four dark frames and pairs of flat frames of three exposures."""
     frames = Frames()
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
@@ -129,9 +122,6 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
         corners = [(x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners]
         frames.places[f"chart{number}"] = ChartPlace(tuple(corners))
         frames.mosaics[f"chart{number}"] = camera.shot(scene * colour / (colour.max() * 0.9) * bright, random)
-    for number in range(2):
-        turned = leaves()[:: random.choice([-1, 1]), :: random.choice([-1, 1])]
-        frames.mosaics[f"scene{number}"] = camera.shot(turned * random.uniform(0.5, 1, 3), random)
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)
@@ -141,18 +131,16 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
 
 
 def calibrated(frames: Frames, kind: str) -> Conclusion | None:
-    """Calibrate from a subset: chart, charts, scene, scenes, dark, flat, or flat1, one flat frame; None = no frame can be used."""
+    """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame can be used."""
     parts, session = set(kind.split("+")), Session(Console(json=True, quiet=True), read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
         session.flat(frames.named("flat")[0 if "flat" in parts else -1 :])
-    # One of several, all if their name is in the plural.
-    charts, scenes = (frames.named(one)[: None if f"{one}s" in parts else int(one in parts)] for one in ("chart", "scene"))
+    charts = frames.named("chart")[: None if "charts" in parts else int("chart" in parts)]
     for name in charts:
         session.shots([name], REFERENCE, frames.places[name].corners)
-    session.shots(scenes, None)
-    if session.seen.base is None or ((charts or scenes) and not session.seen.shots):
+    if session.seen.base is None or (charts and not session.seen.shots):
         return None
     try:
         return conclude(session.seen, REFERENCE)
@@ -211,7 +199,7 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
             if outcome.verdict == "do not use it":
                 count.unfit += 1
                 continue
-            for name, off in errors(outcome, camera, gamma_known="chart" in kind or "scene" in kind).items():
+            for name, off in errors(outcome, camera, gamma_known="chart" in kind).items():
                 count.off[name] += off.tolist()
             if (gamma := outcome.evidence.gamma) is not None:
                 count.wide.append(gamma.worst)

@@ -77,6 +77,7 @@ def fit_chart_gamma(places: PlaceSamples, calibration: SensorCalibration, assume
         used=used,
         condition=condition,
         spread=float(np.sqrt((problem.scores(found)[used] ** 2).sum() / freedom)),
+        where=np.zeros((1, 2)) if places.where is None else places.where.mean(axis=0, keepdims=True),
     )
 
 

@@ -8,14 +8,15 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50, SRGB_TO_XYZ, xyz_to_lab
+from shared.colorimetry import D50, SRGB_TO_XYZ, xyz, xyz_to_lab
 from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
+from shared.lights import illuminant_xy
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 
 GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
-UNEVEN = 1.25  # brightest over dimmest light on the chart: above it the report warns
+UNEVEN, VERY_UNEVEN = 1.25, 1.5  # brightest over dimmest light on the chart: worth a word if colours show it; in any case
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 _STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
 _ROUNDS = 12
@@ -86,6 +87,24 @@ def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) ->
     matrix, neutral, light = _fit(camera, colours, cells, field=True)
     lab = xyz_to_lab((camera / light[:, None]) @ matrix.T)
     return ColourFit(camera, colours, cells, matrix, neutral, light / light.mean(), lab, xyz_to_lab(colours))
+
+
+def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
+    """Return by how much white changes from one chart to the other, over the change between the lights: 1 = as it should.
+
+    lights: of the two charts, see `illuminant_xy`.
+
+    The patches show what each channel sees of XYZ. A change of light acts on white like a coloured surface, so they predict the
+    change in every channel, up to a common factor.
+    """
+    white, before = (xyz(*illuminant_xy(light)) for light in lights)
+    expected = np.zeros(len(one.neutral))
+    for fit in (one, other):
+        sensitivity, *_ = np.linalg.lstsq(fit.colours, fit.camera / fit.light[:, None], rcond=None)
+        expected += np.log(np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6)) / 2
+    measured = np.log(one.neutral / other.neutral)
+    expected -= expected.mean()
+    return float((measured - measured.mean()) @ expected / (expected @ expected))
 
 
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:

@@ -2,9 +2,10 @@
 
 What shots depend on, but do not measure, is the black level and colour shading. Both disturb Eq. 7. A black level that is off adds
 a constant to the panchromatic level: l = gamma . c + offset. Colour shading, a fall-off of a channel that differs from the
-panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(place)), with a_i = 0 in the middle, where a calibration
-states it. All of these are unknowns beside gamma, with Gaussian priors: narrow if dark and flat frames have measured them, wide if
-not. So intervals of gamma cover what was assumed, and shots that show the unknowns make them narrower again.
+panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(place)), with a_i = 0 in the middle. All of these are unknowns
+beside gamma, with Gaussian priors: narrow if dark and flat frames have measured them, wide if not. So intervals of gamma cover what
+was assumed, and shots that show the unknowns make them narrower again. Gamma is stated for the place of the chart: only there do
+colours measure it, and farther away shading that was not measured decides.
 """
 
 from collections.abc import Mapping, Sequence
@@ -168,6 +169,7 @@ class GammaFit:
     used: (N,), False for places that were left out (clipped, outliers).
     condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
     spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
+    where: (M, 2), places for whose mean gamma is stated, see `unknowns`: the middle of each chart.
     contradiction: of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
     widened: by how much that widens the covariance.
     """
@@ -181,22 +183,27 @@ class GammaFit:
     used: BoolArray
     condition: float
     spread: float
+    where: DoubleArray
     contradiction: float = 0.0
     widened: float = 1.0
 
     @cached_property
     def _solution(self) -> tuple[DoubleArray, DoubleArray]:
-        return self.equations.solved(self.assumed, self.calibration)
+        found, covariance = self.equations.solved(self.assumed, self.calibration)
+        one = np.eye(self._channels)
+        there = np.mean([unknowns(one, np.tile(place, (len(one), 1))) for place in self.where], axis=0)
+        there[:, len(one)] = 0.0  # the offset is no part of gamma
+        return there @ found, there @ covariance @ there.T
 
     @property
     def gamma(self) -> DoubleArray:
-        """The weights of Eq. 7, (C,)."""
-        return self._solution[0][: self._channels]
+        """The weights of Eq. 7 at `where`, (C,)."""
+        return self._solution[0]
 
     @property
     def covariance(self) -> DoubleArray:
         """The covariance of gamma, (C, C)."""
-        return self._solution[1][: self._channels, : self._channels] * self.widened
+        return self._solution[1] * self.widened
 
     @property
     def _channels(self) -> int:
@@ -248,14 +255,16 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         predicted=np.concatenate([fit.predicted for fit in fits]),
         used=np.concatenate([fit.used for fit in fits]),
         condition=min(fit.condition for fit in fits),
+        where=np.unique(np.concatenate([fit.where for fit in fits]), axis=0),
     )
     # Fits that contradict each other in gamma beyond their intervals widen the common one (Birge's ratio). Each has its few degrees
     # of freedom, and all that it assumes: what is off in common sets them apart less than this allows.
     chi2 = 0.0
     for fit in fits:
-        difference = fit.gamma - whole.gamma
+        there = replace(fit, where=whole.where)
+        difference = there.gamma - whole.gamma
         likely = stdtrit(fit.freedom, (1 + CONFIDENCE) / 2) / stdtrit(np.inf, (1 + CONFIDENCE) / 2)
-        chi2 += float(difference @ np.linalg.solve(fit.covariance * likely**2, difference))
+        chi2 += float(difference @ np.linalg.solve(there.covariance * likely**2, difference))
     freedom = len(whole.gamma) * (len(fits) - 1)
     return replace(whole, contradiction=_as_normal(chi2, freedom), widened=max(1.0, chi2 / freedom))
 

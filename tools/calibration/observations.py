@@ -1,12 +1,10 @@
 """What the frames of one camera show: the statistics from which the parts of a camera file are concluded."""
 
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 from shared import Mosaic, SensorCalibration
 from shared.arrays import ByteArray, DoubleArray
 from shared.colorimetry import Matrix
-from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
 from .chart.find import FoundChart, chart_at, find_chart
@@ -17,39 +15,36 @@ from .dark_frames import DarkResult
 from .gamma import Assumed, GammaFit, combined
 from .noise import FlatResult
 from .samples import PlaceSamples, figures, patch_samples
-from .scene_gamma import fit_scene_gamma
 from .shading import ShadingResult
-
-# Half width over gamma: what knows gamma less well has hardly any colour, and its interval is not to be trusted either.
-_VAGUE = 0.2
+from .surroundings import fit_surroundings
 
 
 @dataclass(frozen=True, eq=False)
 class ShotMeasurement:
-    """Measurements of one shot.
+    """Measurements of one shot of the chart.
 
     name: file name.
     calibration: the calibration stored in the shot, with the black level that the measurements refer to.
-    fits: independent estimates of gamma; if there is a chart, the first one comes from its patches.
-    chart: the chart; None for an ordinary scene.
-    places: statistics of the patches; None for an ordinary scene.
-    picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene.
+    fits: independent estimates of gamma: from the patches, then from what surrounds the chart, if that has colours.
+    chart: the chart.
+    places: statistics of the patches.
+    picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
     light: the one of two on the chart, "" = the only one.
     """
 
     name: str
     calibration: SensorCalibration
     fits: tuple[GammaFit, ...]
-    chart: FoundChart | None = None
-    places: PlaceSamples | None = None
-    picture: ByteArray | None = None
+    chart: FoundChart
+    places: PlaceSamples
+    picture: ByteArray
     light: str = ""
 
     @property
     def words(self) -> str:
         """Name, place of the chart, and gamma, for people."""
-        where = f"chart at {self.chart.place}, " if self.chart else ""
-        return f"{self.name}: {where}gamma {figures(self.fits[0].gamma)} ± {figures(self.fits[0].half_width)}"
+        gamma = combined(self.fits)
+        return f"{self.name}: chart at {self.chart.place}, gamma {figures(gamma.gamma)} ± {figures(gamma.half_width)}"
 
 
 def measure_chart(
@@ -60,7 +55,7 @@ def measure_chart(
     progress: Progress = SILENT,
     assumed: Assumed | None = None,
 ) -> ShotMeasurement:
-    """Find the chart in a shot, measure its patches, and estimate gamma from them and from the scene around the chart.
+    """Find the chart in a shot, measure its patches, and estimate gamma from them and from what surrounds the chart.
 
     name: file name.
     mosaic: the shot.
@@ -76,16 +71,9 @@ def measure_chart(
     places = patch_samples(mosaic, chart.place.measured())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fits = [fit_chart_gamma(places, mosaic.calibration, assumed)]
-    with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
-        around = fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape), assumed)
-        if around.gamma.min() > 0 and around.worst < _VAGUE:
-            fits.append(around)
+    if around := fit_surroundings(mosaic, chart.place.covered(mosaic.shape), fits[0].where, assumed):
+        fits.append(around)
     return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
-
-
-def measure_scene(name: str, mosaic: Mosaic, assumed: Assumed | None = None) -> ShotMeasurement:
-    """Estimate gamma from a shot without a chart. Raises InputError with the reason if the shot cannot be used."""
-    return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic, assumed=assumed),))
 
 
 @dataclass(eq=False)
@@ -95,7 +83,7 @@ class Observations:
     base: the first frame that was read: its pattern, levels and sensor are those of the camera. None = no frame could be read.
     dark: of dark frames.
     flats: of pairs of flat frames.
-    shots: of each shot of a chart or of an ordinary scene.
+    shots: of each shot of a chart.
     lights: the names of the two lights on the charts; () = one light, whose name does not matter.
     shading: of flat frames.
     stated_defects: (row, column) of the defects that the frames state.
@@ -115,8 +103,8 @@ class Observations:
 
     @property
     def fits(self) -> list[tuple[ShotMeasurement, GammaFit, bool]]:
-        """All estimates of gamma: shot, estimate, and whether it comes from the patches of a chart."""
-        return [(shot, fit, shot.chart is not None and fit is shot.fits[0]) for shot in self.shots for fit in shot.fits]
+        """All estimates of gamma: shot, estimate, and whether it comes from the patches of the chart."""
+        return [(shot, fit, fit is shot.fits[0]) for shot in self.shots for fit in shot.fits]
 
     @property
     def gamma(self) -> GammaFit | None:

@@ -23,7 +23,7 @@ from .files import KINDS, Files
 from .frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .gamma import Assumed
 from .noise import measure_flats, noise_of_flats
-from .observations import Observations, ShotMeasurement, measure_chart, measure_scene
+from .observations import Observations, ShotMeasurement, measure_chart
 from .samples import figures, without
 from .shading import measure_shading
 
@@ -64,7 +64,7 @@ class Session:
         self._stated: SensorCalibration | None = None  # by the frame that was read last
         self.seen = Observations()
 
-    def measure(self, files: Files, chart_colours: DoubleArray | None, corners: Matrix | None) -> Observations:
+    def measure(self, files: Files, chart_colours: DoubleArray, corners: Matrix | None) -> Observations:
         """Measure all frames; chart_colours, corners: see `shots`."""
         self.dark(files["dark"])
         self.flat(files["flat"])
@@ -132,12 +132,10 @@ class Session:
         for index in unpaired:
             self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
 
-    def shots(
-        self, paths: Sequence[str], chart_colours: DoubleArray | None, corners: Matrix | None = None, light: str = ""
-    ) -> None:
-        """Measure shots of a chart, or of ordinary scenes.
+    def shots(self, paths: Sequence[str], chart_colours: DoubleArray, corners: Matrix | None = None, light: str = "") -> None:
+        """Measure shots of a chart.
 
-        chart_colours: (24, 3), XYZ (D50), white = 1; None = the shots show ordinary scenes.
+        chart_colours: (24, 3), XYZ (D50), white = 1.
         corners: where the chart is, see `ChartPlace`; None = find it.
         light: see `ShotMeasurement`.
         """
@@ -146,9 +144,6 @@ class Session:
             mosaic, name = self._read(path, "shot"), Path(path).name
             if (shading := mosaic.calibration.shading) and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
                 self._console.note(f"{path}: {zoomed}")
-            assumed = self._assumed(mosaic.calibration)
-            if chart_colours is None:
-                return measure_scene(name, mosaic, assumed)
             return self._chart(name, mosaic, chart_colours, corners, progress)
 
         for shot in self._each(paths, "shot", measured):

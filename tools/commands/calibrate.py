@@ -1,9 +1,9 @@
 """Calibrate a camera from a few shots: gamma, noise, black level, defects, colour and shading.
 
-A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
-be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
-frame, the others are shots. --dark and --flat take one file or folder each, and are repeated for more. A shot that cannot be used
-is skipped, with the reason. All is kept in one camera.json.
+A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic. It can also be a folder with DNGs in it or below: what is
+named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat frame, the others are shots. --dark and --flat take
+one file or folder each, and are repeated for more. A shot that cannot be used is skipped, with the reason. All is kept in one
+camera.json.
 """
 
 import argparse
@@ -48,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(or folders of them); pictures under any light between the two then have the right colours",
         action="append",
     )
-    option(parser, "--no-chart", "the shots are ordinary scenes: measure only gamma")
     corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
     option(parser, "--corners X,Y", corners, nargs=4, type=numbers(2, "12,34.5"))
     option(parser, "--chart FILE", "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)")
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         search.report(console)
     if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
-    if arguments.corners and (len(files["shots"]) != 1 or arguments.no_chart):
+    if arguments.corners and len(files["shots"]) != 1:
         raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
     corners: Matrix | None = tuple(arguments.corners) if arguments.corners else None
     check_output(output, files, replace_existing=replace_existing)
@@ -87,13 +86,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         check_order(Path(arguments.chart), chart_colours, usual)
     old = read_known(output) if arguments.update and output.exists() else None
     session = Session(console, arguments.sensor, old)
-    seen = session.measure(files, None if arguments.no_chart else chart_colours, corners)
+    seen = session.measure(files, chart_colours, corners)
     if seen.base is None or seen.empty:
         console.note(*seen.remarks)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
     if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
-        unknown = f"gamma is not known, for no {'scene' if arguments.no_chart else 'chart'} could be used"
+        unknown = "gamma is not known, for no chart could be used"
         advice = "mend what is said above, or leave these shots out to keep only what the other frames show"
         return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
@@ -128,10 +127,9 @@ def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
         illuminant_xy(name)
         if not shots:
             raise InputError(f"--chart-light {said}: name the shots of the chart under this light")
-    if len(names) != 2 or arguments.no_chart:
+    if len(names) != 2:
         raise InputError(
-            "--chart-light is given once for each of two lights, with shots of the chart under it, and without --no-chart; charts "
-            "under one light need none"
+            "--chart-light is given once for each of two lights, with shots of the chart under it; charts under one light need none"
         )
     check_apart(*names)
     return {name: shots for name, (_, *shots) in zip(names, given, strict=True)}

@@ -34,7 +34,6 @@ def measured(says: SensorCalibration) -> Assumed:
     return Assumed.of(says, measured={"black_level": {"standard_error": [0.01] * (len(says.channels) + 1)}}, even=True)
 
 
-MEASURED = measured(BLIND)
 PATTERNS = {
     **{f"K = {period}": CfaPattern.bayer(period) for period in (4, 6, 8)},
     "Kodak's tile": CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),

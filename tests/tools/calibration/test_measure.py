@@ -84,6 +84,17 @@ def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> N
     assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("brighter", [1.0, 1.6])
+def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
+    """Even where correcting the colours for it works."""
+    slope = np.linspace(1, 1 / brighter, chart().shape[axis])
+    taken = frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))
+    outcome = conclude(Observations(base_of(), DARK, FLAT, [on_chart(taken)]), REFERENCE)
+    assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
+    assert any("the light on the chart is uneven" in line for line in outcome.warnings) == (brighter > 1)
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "names"),
     [

@@ -1,8 +1,10 @@
 """A camera calibrated under two lights, with measured sensitivities: colours under a third light, and what is refused."""
 
+import re
 import shutil
 import struct
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import imagecodecs
@@ -19,7 +21,7 @@ from shared.white_balance import balanced
 from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
 from tests.tools.command import run
-from tools.calibration.colour_matrix import GREYS, fit_colour
+from tools.calibration.colour_matrix import GREYS, fit_colour, light_change
 
 CELLS = true_place().cells
 THIRD = "3200", "4000", "5000"
@@ -133,7 +135,6 @@ def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(benc
         (["--chart-light", "A", "a.dng", "--chart-light", "F2", "b.dng"], "the light is 'F2', expected A"),
         (["--chart-light", "A", "a.dng", "--chart-light", "1500", "b.dng"], "2000 to 10000 kelvin"),
         (["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"], "c.dng: shows a chart under neither light"),
-        (["--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng", "--no-chart"], "without --no-chart"),
     ],
 )
 def test_what_are_no_two_lights_is_refused_before_the_work(tmp_path: Path, words: list[str], why: str) -> None:
@@ -149,6 +150,43 @@ def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(bench: tuple
     outcome = run("calibrate", "--chart-light", "A", folder / "A.dng", "--chart-light", "D65", grey, "-o", output)
     assert (outcome.code, output.exists()) == (1, False)
     assert "no chart without clipped patches was found under the light D65; no camera file was written" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "why"),
+    [
+        (("D65", ["A"]), ("A", ["D65"]), "A.dng is given as under D65 and D65.dng as under A, .* the two lights are exchanged"),
+        (("3200", ["D65"]), ("D50", ["A"]), "the two lights are exchanged"),
+        (("A", ["D65"]), ("D65", ["D65"]), "white changes 0.0 times as much"),
+        (("A", ["A"]), ("2500", ["D65"]), "the two lights are exchanged"),
+        (("A", ["A"]), ("4000", ["D65"]), "white changes [12].* times as much"),
+        (("A", ["A", "other"]), ("D65", ["D65"]), "other.dng is given as under A and D65.dng as under D65, but white changes 0.0"),
+    ],
+)
+def test_charts_under_other_lights_than_those_named_are_refused(
+    bench: tuple[str, Path], tmp_path: Path, first: tuple[str, list[str]], second: tuple[str, list[str]], why: str
+) -> None:
+    _, folder = bench
+    words: list[str | Path] = []
+    for light, shots in (first, second):
+        files = [folder / f"{shot}.dng" for shot in shots if shot != "other"]
+        if "other" in shots:
+            files.append(save(tmp_path / "other.dng", frame(chart(bench[0], "D65"), seed=1)))
+        words += ["--chart-light", light, *files]
+    output = tmp_path / "camera.json"
+    outcome = run("calibrate", *words, "-o", output)
+    assert (outcome.code, output.exists()) == (1, False)
+    assert re.search(f"{why}.*--chart-light", outcome.err), outcome.err
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_white_changes_between_charts_as_it_does_between_their_lights(camera: str) -> None:
+    lights = ("A", "3200", "4000", "D50", "D65", "9000")
+    fits = {light: fit_colour(readings(camera, light), REFERENCE, CELLS) for light in lights}
+    for pair in combinations(lights, 2):
+        one, other = pair
+        assert 0.85 < light_change(fits[one], fits[other], pair) < 1.55, pair
+        assert light_change(fits[other], fits[one], pair) < -0.8, pair
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)

@@ -61,7 +61,7 @@ def test_commands_tell_another_focal_length(folder: Path, path: Path, tmp_path: 
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
     for command, *options in (("render", "-f", "npy"), ("preview",)):
         assert told in run(command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options, code=0).err
-    assert told in run("calibrate", "--no-chart", folder / "shot.dng", "-o", path, "--update").err
+    assert told in run("calibrate", folder / "shot.dng", "-o", path, "--update").err
 
 
 def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Path, tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ _ENOUGH = 4.5  # mean dE2000 of a chart good enough to end the search
 _ALIKE = 0.5  # correlation of log luminances; a chart half in the shade still has 0.8
 _SAME = 0.3  # of a patch: places whose corners are nearer than that are refined to the same one
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
+_MOST = 3  # places of a picture that are refined, which takes a second each
 _PROBE = 5  # points across a patch
 _BESIDE = 0.045  # of a cell, from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the whole patch
@@ -65,9 +66,9 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILE
     progress.stage("looking for the chart", len(sizes))
     judged: dict[ChartPlace, FoundChart] = {}
     for size in sizes:
-        for place in _plausible(picture, reference, size):
+        for place in _likeliest(picture, reference, size):
             if any(found.fault and _near(place, before) for before, found in judged.items()):
-                continue  # refining takes most of the time
+                continue
             judged[place] = _examined(picture, refined(picture, place), reference)
             if not judged[place].fault and judged[place].difference < _ENOUGH:
                 break
@@ -107,8 +108,20 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
         )
 
 
-def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterator[ChartPlace]:
-    """Yield places whose luminances and colours are roughly a chart's, either way up; size: see `lattice_corners`."""
+def _likeliest(picture: FloatArray, reference: DoubleArray, size: int) -> list[ChartPlace]:
+    """Return the `_MOST` places whose colours are most like a chart's, the likeliest first; size: see `lattice_corners`.
+
+    A wall of tiles has hundreds that are roughly alike.
+    """
+    places: list[ChartPlace] = []
+    for _, place in sorted(_plausible(picture, reference, size), key=lambda pair: pair[0]):
+        if len(places) < _MOST and not any(_near(place, before) for before in places):
+            places.append(place)
+    return places
+
+
+def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterator[tuple[float, ChartPlace]]:
+    """Yield places whose luminances and colours are roughly a chart's, either way up, with their mean dE2000."""
     wanted = np.log(reference[:, 1])
     for corners in lattice_corners(picture, size):
         slack = float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).min()) / (2 * ROWS)  # refinement may bring them in
@@ -122,8 +135,8 @@ def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterat
         for turned, seen in ((corners, luminance), (np.roll(corners, 2, axis=0), luminance[::-1])):
             if seen.std() > 0 and np.corrcoef(seen, wanted)[0, 1] > _ALIKE:
                 place = ChartPlace(as_rows(turned))
-                if _difference(picture, place, reference) <= _WORTH_REFINING:
-                    yield place
+                if (difference := _difference(picture, place, reference)) <= _WORTH_REFINING:
+                    yield difference, place
 
 
 def _near(place: ChartPlace, other: ChartPlace) -> bool:

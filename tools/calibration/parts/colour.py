@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from html import escape
+from itertools import product
 
 import numpy as np
 
@@ -13,15 +14,21 @@ from shared.lights import CalibratedLight
 
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled
-from ..colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
+from ..colour_matrix import UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change, white_balanced
+from ..observations import ShotMeasurement
 from ..part import Evidence, Part, css_colours, table
 from ..reference import ti3
 from ..samples import figures
 from .gamma import coloured_light
 
+# See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two cameras; the rest is for lamps and daylight
+# that are not quite what is said of them.
+_LIKELY_CHANGE = (0.6, 1.9)
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
 _GOOD, _USELESS = 4.0, 6.0  # mean dE2000: an average chart in average light stays below; above it the colours are useless
 _BRIGHT_GREYS = list(range(18, 21))  # white, neutral 8, neutral 6.5
+Candidate = tuple[ColourFit, ShotMeasurement, DoubleArray]
+"""A chart without clipped patches: its colours, its shot, and its levels (24, C)."""
 
 
 def colour(evidence: Evidence) -> Part | None:
@@ -31,10 +38,13 @@ def colour(evidence: Evidence) -> Part | None:
     """
     lights = evidence.seen.lights
     if not lights:
-        return _under(evidence, "")
-    parts = {light: part for light in lights if (part := _under(evidence, light))}
+        return _under(evidence, _candidates(evidence, ""))
+    candidates = {light: _candidates(evidence, light) for light in lights}
+    parts = {light: part for light in lights if (part := _under(evidence, candidates[light]))}
     if missing := [light for light in lights if light not in parts]:
         return Part("colour", refusal=f"no chart without clipped patches was found under the light {' and '.join(missing)}")
+    if wrong := _wrong_lights(candidates):
+        return Part("colour", refusal=wrong)
     every = list(parts.values())
     found = [CalibratedLight(light, part.changes["camera_to_xyz"], part.changes["neutral"]) for light, part in parts.items()]
     return Part(
@@ -48,16 +58,43 @@ def colour(evidence: Evidence) -> Part | None:
     )
 
 
-def _under(evidence: Evidence, light: str) -> Part | None:
-    """The colours under one light; None if no chart shows them."""
-    gamma, chart_colours, candidates = evidence.gamma, evidence.chart_colours, []
+def _candidates(evidence: Evidence, light: str) -> list[Candidate]:
+    """Return the charts under one light that show colours."""
+    gamma, candidates = evidence.gamma, []
     for shot in evidence.seen.shots:
-        usable = shot.light == light and shot.places is not None and not shot.places.clipped.any()
-        if gamma is not None and usable and shot.places is not None and shot.chart is not None:
+        if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
-            candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
+            candidates.append((fit_colour(levels, evidence.chart_colours, shot.chart.place.cells), shot, levels))
+    return candidates
+
+
+def _wrong_lights(candidates: dict[str, list[Candidate]]) -> str:
+    """Return which shots cannot be under the two lights that are named, and what to do; "" if all can."""
+    (one, first), (other, second) = candidates.items()
+    changes = [(light_change(a[0], b[0], (one, other)), a[1].name, b[1].name) for a, b in product(first, second)]
+    change, a, b = min(changes)
+    if change < 0:
+        return (
+            f"{a} is given as under {one} and {b} as under {other}, but white changes the other way from one to the other: the two "
+            "lights are exchanged; name the light of each shot (`chart_light`)"
+        )
+    least, most = _LIKELY_CHANGE
+    if change >= least:
+        change, a, b = max(changes)
+    if least <= change <= most:
+        return ""
+    return (
+        f"{a} is given as under {one} and {b} as under {other}, but white changes {change:.1f} times as much from one to the other "
+        f"as between these lights, {least:g} to {most:g} times are likely: name the light under which each was taken "
+        "(`chart_light`), or take the chart anew under these two"
+    )
+
+
+def _under(evidence: Evidence, candidates: Sequence[Candidate]) -> Part | None:
+    """The colours of charts under one light; None if there are none."""
     if not candidates:
         return None
+    chart_colours = evidence.chart_colours
     fit, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
     known, before = shot.calibration.camera_to_xyz, None
     if known is not None or evidence.channels == "RGB":
@@ -65,10 +102,11 @@ def _under(evidence: Evidence, light: str) -> Part | None:
     mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
     warnings, off = [], f"{shot.name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than"
     # In strongly coloured light other errors are corrected as uneven light.
-    if fit.unevenness > UNEVEN and left_out > _CORRECTED and not coloured_light(shot):
+    if fit.unevenness > (UNEVEN if left_out > _CORRECTED else VERY_UNEVEN) and not coloured_light(shot):
         warnings.append(
             f"{shot.name}: the light on the chart is uneven, up to {fit.unevenness:.2f} times brighter in one place than in "
-            "another; correcting the colours for it leaves errors; light the chart evenly"
+            "another, and colours are only corrected for it in part; light the chart evenly, and take flat frames (`flat`) if the "
+            "lens darkens the corners"
         )
     if _GOOD < mean <= _USELESS:
         warnings.append(f"{off} {_GOOD:.0f}")

@@ -1,4 +1,4 @@
-"""Gamma (Eq. 7), from all shots of charts and of ordinary scenes."""
+"""Gamma (Eq. 7), from all shots of charts."""
 
 from collections.abc import Sequence
 from html import escape
@@ -23,7 +23,6 @@ _UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 cod
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD = 0.02  # half width over gamma
 _COLOURED = 0.2  # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three broad channels
-_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 _MOST_POINTS = 600  # of a scatter plot: more only make the file larger
 _SHOWN = 0.98  # of the places lie inside the plot
 
@@ -44,11 +43,10 @@ def gamma(evidence: Evidence) -> Part | None:
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
     if contradictions and (refusal or evidence.assumed.black_measured or fit.contradiction > CONTRADICTION):
         refusal = "; ".join(contradictions)
-    kinds = dict.fromkeys("chart" if shot.chart else "scene" for shot in shots)
     return Part(
         "gamma",
         {
-            "from": " and ".join(_RECIPES[kind] for kind in kinds),
+            "from": "the patches of a ColorChecker",
             "shots": [shot.name for shot in shots],
             "half_width_95": rounded(fit.half_width),
             "condition": round(fit.condition, 2),
@@ -81,8 +79,6 @@ def black_error(evidence: Evidence) -> DoubleArray:
 
 def coloured_light(shot: ShotMeasurement) -> str:
     """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it shows on the grey patches."""
-    if shot.places is None:
-        return ""
     grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
     if grey.min() > _COLOURED * grey.max():
         return ""
@@ -101,7 +97,7 @@ def _contradictions(fit: GammaFit, seen: Observations) -> list[str]:
         lines.append(_wrong_black(fit))
     if fit.contradiction > CONTRADICTION:
         each = ", ".join(
-            f"{shot.name}{' (around the chart)' if shot.chart and not chart else ''} "
+            f"{shot.name}{'' if chart else ' (around the chart)'} "
             + " ".join(f"{value:.3f} ± {half:.2g}" for value, half in zip(one.gamma, one.half_width, strict=True))
             for shot, one, chart in seen.fits
         )
@@ -142,8 +138,6 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
             "reflections, a dirty chart, or a sensor that is not linear"
         )
     for shot in shots:
-        if shot.places is None:
-            continue
         clipped = int(shot.places.clipped.sum())
         if clipped:
             warnings.append(
@@ -164,7 +158,7 @@ def _estimates(fit: GammaFit, evidence: Evidence) -> str:
     shots = [
         (
             shot.name,
-            ("scene", "chart")[chart],
+            ("around it", "chart")[chart],
             figures(one.gamma),
             figures(one.half_width),
             f"{int(one.used.sum())} of {one.used.size}",
@@ -181,8 +175,6 @@ def _estimates(fit: GammaFit, evidence: Evidence) -> str:
 
 def _chart(shot: ShotMeasurement) -> str:
     """Show where the chart was found and measured."""
-    if shot.chart is None or shot.picture is None:
-        return ""
     return figure(
         picture(reduced(shot.picture), "The shot with the measured places outlined"),
         f"{shot.name}: corners {shot.chart.place}, {shot.chart.place.pitch:.0f} pixels between patches. "

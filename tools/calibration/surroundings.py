@@ -1,4 +1,4 @@
-"""Gamma from an ordinary scene: every colour block is compared with the panchromatic samples around it.
+"""Gamma from what surrounds a chart: every colour block is compared with the panchromatic samples around it.
 
 A scattered tile is its own block, and its panchromatic samples lie among the colours.
 
@@ -19,9 +19,8 @@ from scipy.ndimage import convolve
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, IndexArray
-from shared.errors import InputError
 
-from .gamma import INSTEAD, Assumed, GammaFit, NormalEquations, too_few_colours, unknowns
+from .gamma import Assumed, GammaFit, NormalEquations, unknowns
 from .samples import CLIPPED, from_middle, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block
@@ -35,26 +34,24 @@ _HUBER = 4.0  # standard deviations; with less, the skew of texture would count 
 _ROUNDS = 12
 _FLOOR = 0.004  # of gamma: error that texture causes on photographs, however many blocks there are
 _FLOOR_OFFSET = 5e-4  # of full scale: the same for the offset
-LEAST_BLOCKS = 300
-LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
+_LEAST_BLOCKS = 300
+_LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
+_VAGUE = 0.2  # half width over gamma: beyond it there is hardly any colour, and the interval cannot be trusted
 
 
-def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: Assumed | None = None) -> GammaFit:
-    """Estimate gamma from the smooth places of a shot, for any number of channels.
+def fit_surroundings(mosaic: Mosaic, chart: BoolArray, where: DoubleArray, assumed: Assumed | None = None) -> GammaFit | None:
+    """Estimate gamma, for any number of channels, from the smooth places around a chart; None = they have too little colour.
 
     mosaic: the shot.
-    excluded: (H, W), pixels whose blocks are left out (a chart, which is measured separately).
+    chart: (H, W), pixels of the chart, whose blocks are left out.
+    where: the place for which gamma is stated, see `GammaFit`.
     assumed: what may be off; None = nothing was measured, see `Assumed.of`.
-
-    Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
     assumed = assumed or Assumed.of(mosaic.calibration)
-    blocks = _blocks(mosaic, excluded)
+    blocks = _blocks(mosaic, chart)
     level, colours = blocks.level, blocks.colours
-    if len(level) < LEAST_BLOCKS:
-        raise InputError(
-            f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
-        )
+    if len(level) < _LEAST_BLOCKS:
+        return None
     channels = colours.shape[1]
     terms, known = unknowns(colours, blocks.where), unknowns(blocks.instruments, blocks.where)
     found = np.zeros(terms.shape[1])
@@ -72,9 +69,10 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
         slopes = unlike @ (weighted.T @ terms)
         equations = NormalEquations((weighted.T @ terms).T @ slopes, slopes.T @ (weighted.T @ level))
         found, _ = equations.solved(assumed, mosaic.calibration)
-    _check_strength(blocks, deviation)
+    if _strength(blocks, deviation) < _LEAST_STRENGTH:
+        return None
     residual = level - terms @ found
-    return GammaFit(
+    fit = GammaFit(
         equations=_with_texture(equations, found[:channels]),
         assumed=assumed,
         calibration=mosaic.calibration,
@@ -84,7 +82,9 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
         used=np.abs(residual) <= _HUBER * deviation,
         condition=float(np.linalg.cond(blocks.instruments / blocks.instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
+        where=where,
     )
+    return fit if fit.gamma.min() > 0 and fit.worst < _VAGUE else None
 
 
 def _with_texture(equations: NormalEquations, gamma: DoubleArray) -> NormalEquations:
@@ -116,7 +116,7 @@ class _Blocks:
     classes: IndexArray
 
 
-def _blocks(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
+def _blocks(mosaic: Mosaic, excluded: BoolArray) -> _Blocks:
     """Measure every whole block that has a ring around it, or every scattered tile, and choose those in smooth places."""
     pattern, levels = mosaic.pattern, levels_of(mosaic.evenly_shaded()).astype(np.float64)
     grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
@@ -149,9 +149,7 @@ def _blocks(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
         # The light falls off equally for all filters.
         shading[..., channel] += np.clip(1 + slope / np.maximum(level, 1e-6), 0.5, 2)
         brightest = np.maximum(brightest, sample)
-    usable = brightest < CLIPPED
-    if excluded is not None:
-        usable &= ~excluded[np.ix_(rows, columns)]
+    usable = (brightest < CLIPPED) & ~excluded[np.ix_(rows, columns)]
     places = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2) + middle
     where = from_middle(places[:, 0], places[:, 1], mosaic.shape)
     return _chosen(level, colours / shading, texture, usable, where.reshape(*level.shape, 2))
@@ -208,17 +206,15 @@ def _deviation(residual: DoubleArray, classes: IndexArray) -> DoubleArray:
     return np.maximum(deviation, max(0.05 * robust_deviation(residual), 1e-9))
 
 
-def _check_strength(blocks: _Blocks, deviation: DoubleArray) -> None:
-    """Raise InputError if the neighbours' chromaticities do not predict a block's own: then there is only noise, not colour."""
+def _strength(blocks: _Blocks, deviation: DoubleArray) -> float:
+    """Return how well the neighbours' chromaticities predict a block's own in the weakest direction, in standard deviations.
+
+    Where they do not, there is only noise, not colour.
+    """
     total = blocks.instruments.sum(axis=1, keepdims=True)
     grey = np.average(blocks.instruments / total, axis=0, weights=total[:, 0])
     expected, found = (values - total * grey for values in (blocks.instruments, blocks.colours))
     weighted = expected / deviation[:, None] ** 2
     # Chromaticities lie in a plane, so one direction of the C is empty by construction.
     directions = np.linalg.eigh(weighted.T @ expected)[1][:, 1:].T
-    strengths = [float(d @ weighted.T @ found @ d / np.sqrt(d @ weighted.T @ expected @ d)) for d in directions]
-    if min(strengths) < LEAST_STRENGTH:
-        raise InputError(
-            f"gamma: in their weakest direction the scene's colours are {max(min(strengths), 0):.1f} standard deviations above the "
-            f"noise, and {LEAST_STRENGTH:.0f} are needed: {too_few_colours(grey.size)}"
-        )
+    return min(float(d @ weighted.T @ found @ d / np.sqrt(d @ weighted.T @ expected @ d)) for d in directions)
