@@ -10,13 +10,14 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from shared import Mosaic
 from shared.arrays import ByteArray
 from shared.dng import encode_dng
 from shared.errors import InputError, OutputError
 from shared.series import frame_name
-from shared.writing import durable_file, part_path, sweep
+from shared.writing import durable_file, part_path, reason, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
@@ -99,11 +100,18 @@ def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteAr
                 file = stack.enter_context(durable_file(path))
                 file.write(encode_dng(mosaic, picture))
                 file.flush()
-                os.fsync(file.fileno())  # a full disk shows before any file has its name
+                _sync(file, path)  # a full disk shows before any file has its name
     except BaseException:
         for path in named:
             path.unlink(missing_ok=True)
         raise
+
+
+def _sync(file: BinaryIO, path: Path) -> None:
+    try:
+        os.fsync(file.fileno())
+    except OSError as error:
+        raise OutputError(f"{path}: {reason(error, path)}") from error
 
 
 def _note_named(named: list[Path], path: Path, error: type[BaseException] | None, *_: object) -> None:

@@ -243,7 +243,8 @@ def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> Non
 
 
 def test_a_burst_of_more_files_than_may_be_open_is_refused_before_it_is_taken(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 4096))
+    limits = resource.getrlimit
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (256, 4096) if which == resource.RLIMIT_NOFILE else limits(which))
     done = run("builtin:64x48@9", "-o", out, "--burst", "250", code=2)
     assert "--burst is 250, and a program may open 256 files here; take fewer, or allow more: ulimit -n 314" in done.err
     assert names(out.parent) == {out.name}

@@ -167,7 +167,7 @@ WHOLE: dict[str, Any] = {
     "kind": PictureKind("jpg", 8, "srgb", 90),
     "preset": "best",
     "exposure": 0.5,
-    "camera": Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}),
+    "camera": Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}, (13, 17)),
     "run": "1",
     "white": WhiteBalance("", (1.0, 2.0, 1.0)),
     "defects": ((3, 4),),
