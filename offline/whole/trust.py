@@ -2,8 +2,9 @@
 
 If an edge or a stroke runs under a block, its samples show different surfaces, and their ratio is no chromaticity. Then they do not
 add up to luminance as interpolated from the panchromatic samples around the block, unless by chance. The less they do, the more the
-block takes the chromaticity of its neighbours. Beside clipped samples, where luminance is not known, the tolerance is smaller.
-Blocks that do add up keep their colour, however saturated. The paper has none of this.
+block takes the chromaticity of its neighbours. Beside clipped samples, where luminance is not known, the tolerance is smaller, and
+blocks are compared with one another, too: one that is darker than those around it, as under a stroke of over-exposed print, is not
+trusted. Blocks that do add up keep their colour, however saturated. The paper has none of this.
 """
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..settings import TrustSettings
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
+_SUNKEN = 0.05  # next to a clipped sample: by which share of their light blocks may be darker than those around
 _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 _NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs loses up to 0.1 dB
 _TINY = 1e-9  # keeps divisions by luminance and by trust finite
@@ -39,7 +41,17 @@ def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | No
     apart = np.where(found.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
     tolerance = settings.tolerance * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, found.light, gamma, frame.noise) if frame.noise else 0.0
-    return 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
+    trust = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
+    return np.where(found.highest >= frame.clipping, trust * in_keeping(total, unsure), trust)
+
+
+def in_keeping(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
+    """How far each block is as bright as those around it, 0 to 1, float64 (rows, columns); brighter ones are: strokes are dark.
+
+    total: what the channels of a block add up to, scene units. unsure: standard deviation of its noise.
+    """
+    around = smoothed(total[None], _AROUND)[0].astype(np.float64)
+    return 1 / (1 + (np.maximum(around - total, 0) / np.maximum(_SUNKEN * around + _NOISE * unsure, _TINY)) ** _STEEPNESS)
 
 
 def with_trusted_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:

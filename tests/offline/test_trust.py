@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 
-from offline import BEST, PAPER
+from offline import BEST, PAPER, render
 from offline.blocks import sum_noise
 from offline.cleaned import Cleaned
 from offline.whole.highlights import clipping_level
-from offline.whole.trust import trust_in_blocks, with_trusted_colour
+from offline.whole.trust import in_keeping, trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, Mosaic, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot
 from tests.offline.test_highlights import NEUTRAL, exposed
@@ -72,6 +73,26 @@ def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
         np.abs(with_trusted_colour(tinted, replace(silent(mosaic), trust=found)) - blocks).max()
         < 0.3 * np.abs(tinted - blocks).max()
     )
+
+
+@pytest.mark.parametrize("light", [1.6, 2.0])
+def test_over_exposed_print_is_neutral(light: float) -> None:
+    """Of a stroke under a block beside clipped paper, some sites see more than others: that is no colour."""
+    page = Image.new("L", (192, 120), 245)
+    for line in range(8):
+        ImageDraw.Draw(page).text((4, 2 + 14 * line), "Black print on white paper, in small type", fill=20)
+    scene = (np.asarray(page, np.float32)[..., None] / 255) ** 2.2 * np.array(NEUTRAL) * light
+    balanced = render(exposed(scene.astype(np.float32)), BEST).rgb / np.array(NEUTRAL)
+    assert np.quantile(np.ptp(balanced, axis=2), 0.99) < 0.4  # 0.8 and 1.4 if blocks that contradict their neighbours are trusted
+
+
+def test_a_block_is_in_keeping_with_those_around_it_unless_it_is_darker() -> None:
+    total = np.full((9, 9), 4.0)
+    total[2, 2], total[6, 6] = 3.0, 5.0
+    found = in_keeping(total)
+    assert found[2, 2] < 0.05
+    assert np.delete(found.ravel(), 2 * 9 + 2).min() > 0.6
+    assert np.array_equal(in_keeping(np.zeros((3, 3))), np.ones((3, 3)))
 
 
 def test_a_saturated_light_vouches_for_its_colour() -> None:
