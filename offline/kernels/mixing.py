@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from .arrays import Floats2, Floats3, Ints1, Pair, Scalar, Single
+from .arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import unset
+from .functions import unset, zeros
 from .lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
 
 CLASSES = 4
@@ -13,6 +13,8 @@ _NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np
 _LEAST = np.finfo(np.float32).tiny
 
 Places = tuple[Ints1, Ints1]
+Weighting = tuple[Scalar, Scalar]
+"""(softness, likeness), see `PropagationSettings`."""
 
 
 @parallel_kernel(pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2])
@@ -24,7 +26,7 @@ def mix(
     places: Places,
     first: int,
     corner: Pair,
-    softness: Single,
+    weighting: tuple[float, float],
     out: Floats3,
 ) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
@@ -35,9 +37,10 @@ def mix(
     places: the frame's row at each row of the domain, and its column at each column.
     first: index of the first row of patches in `fields`.
     corner: row of `fields` and domain column that belong to out[0, 0].
-    softness: see `PropagationSettings`.
+    weighting: softness and likeness; see `PropagationSettings`.
     out: (rows, W, C), written.
     """
+    softness, likeness = np.float32(weighting[0]), np.float32(weighting[1])
     across = blocks.shape[1] - 1
     period = fields.shape[2] // across
     channels = blocks.shape[2]
@@ -46,14 +49,18 @@ def mix(
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
         light, colour = unset(CLASSES, width), unset(CLASSES + 1, channels, width)
         _expand(blocks, luminance, places, first + patch, period, light, colour)
-        alpha, line = unset(CLASSES, width), unset(channels, width)
+        alpha, line, here = unset(CLASSES, width), unset(channels, width), zeros(width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
             for kind in range(CLASSES):
                 source = fields[kind, row + corner[0]]
                 for column in range(len(source)):
                     alpha[kind, column] = source[column]
-            _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
+            if likeness > _NONE:
+                place = places[0][first * period + row + corner[0]]
+                for column in range(fields.shape[2]):
+                    here[column] = max(luminance[place, places[1][column]], _NONE)
+            _mix_row(alpha, fields.shape[2], light, colour, here, (softness, likeness), line)
             for channel in range(channels):
                 mixed = line[channel, corner[1] :]
                 for column in range(out.shape[1]):
@@ -91,11 +98,13 @@ def _corner(kind: int, patch: int, across: int) -> Pair:
 
 
 @kernel
-def _mix_row(alpha: Floats2, columns: int, light: Floats2, colour: Floats3, softness: Scalar, line: Floats2) -> None:
+def _mix_row(
+    alpha: Floats2, columns: int, light: Floats2, colour: Floats3, here: Floats1, weighting: Weighting, line: Floats2
+) -> None:
     for column in range(0, columns, WIDTH):
         kappa0, kappa1, kappa2, kappa3 = (
-            _kappa(alpha, light, 0, column, softness), _kappa(alpha, light, 1, column, softness),
-            _kappa(alpha, light, 2, column, softness), _kappa(alpha, light, 3, column, softness),
+            _kappa(alpha, light, here, 0, column, weighting), _kappa(alpha, light, here, 1, column, weighting),
+            _kappa(alpha, light, here, 2, column, weighting), _kappa(alpha, light, here, 3, column, weighting),
         )  # fmt: skip
         total = kappa0 + kappa1 + kappa2 + kappa3
         share = quotient(_ONE, total)
@@ -112,10 +121,15 @@ def _mix_row(alpha: Floats2, columns: int, light: Floats2, colour: Floats3, soft
 
 
 @kernel
-def _kappa(alpha: Floats2, light: Floats2, kind: int, column: int, softness: Scalar) -> Lanes:
+def _kappa(alpha: Floats2, light: Floats2, here: Floats1, kind: int, column: int, weighting: Weighting) -> Lanes:
     """The weight of Eq. 14, before the four are scaled to a sum of one."""
+    softness, likeness = weighting
     part, lit = load(alpha, (kind, column)), load(light, (kind, column))
     part = softness + greater(part, _MINUS * part)  # |alpha|: of alpha^2 the sign does not count, and the solver leaves none
+    if likeness > _NONE:
+        own = load(here, column)
+        apart, both = own - lit, own + lit
+        lit *= quotient(both * both, both * both + likeness * (apart * apart) + _LEAST)
     return part * part * lit
 
 

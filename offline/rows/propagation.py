@@ -72,5 +72,6 @@ def propagate(
     (above, _), (left, _) = grid.padding
     fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, (top, bottom))[0]
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    mix(fields, blocks, luminance, domain_places(grid), first, (top + above - first * grid.period, left), settings.softness, out)
+    weighting = settings.softness, settings.likeness
+    mix(fields, blocks, luminance, domain_places(grid), first, (top + above - first * grid.period, left), weighting, out)
     return out

@@ -43,7 +43,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
     "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "curvature_error": (0.0, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
-    "propagation": {"softness": (3.0, 0.02)},
+    "propagation": {"softness": (3.0, 0.02), "likeness": (200.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
     **{name: {"used": (False, None)} for name in SWITCHES},
     "trust": {"used": (False, None), "tolerance": (0.05, None)},

@@ -40,7 +40,9 @@ def expected(
 
 
 @every_case
-@pytest.mark.parametrize("settings", [PAPER, PropagationSettings(0.5)], ids=["paper", "soft"])
+@pytest.mark.parametrize(
+    "settings", [PAPER, PropagationSettings(0.5), PropagationSettings(0.5, 40.0)], ids=["paper", "soft", "alike"]
+)
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], settings: PropagationSettings) -> None:
     blocks, affinity, light = case(pattern, shape)
     affinity[0, 0, 1::3] = -0.01  # as a solver may leave it
