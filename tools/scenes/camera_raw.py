@@ -161,11 +161,11 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
 
 
 def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
-    """Return the light of quads, (H, W, 3), with red and blue at the middle of each quad, 0 or more; and how far each is clipped.
+    """Return the light of quads, (H, W, 3), with red and blue at the middle of each quad; and how far each is clipped.
 
     rgb, gone: see `_quads`. facts: see `unpack_quads`.
-    Cubic splines. The samples at row and column 0 of a quad lie a quarter of a pixel above and left of its middle, those at 1 below
-    and right of it.
+    Cubic splines, between 0 and the brightest sample. The samples at row and column 0 of a quad lie a quarter of a pixel above and
+    left of its middle, those at 1 below and right of it.
     """
     from scipy.ndimage import shift  # takes longer to load than all of ours
 
@@ -174,7 +174,8 @@ def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> tuple[Flo
         if (letter := facts["letters"][index]) != "G":
             channel = _CHANNELS.index(letter)
             move = [_QUARTER if step else -_QUARTER for step in place]
-            np.maximum(shift(rgb[..., channel], move, order=3, mode="mirror"), 0, out=registered[..., channel])
+            light = rgb[..., channel]
+            np.clip(shift(light, move, order=3, mode="mirror"), 0, light.max(), out=registered[..., channel])
             clipped[..., channel] = shift(gone[..., channel], move, order=1, mode="mirror")
     return registered, clipped
 

@@ -73,19 +73,19 @@ def _wrong_lights(candidates: dict[str, list[Candidate]]) -> str:
     (one, first), (other, second) = candidates.items()
     changes = [(light_change(a[0], b[0], (one, other)), a[1].name, b[1].name) for a, b in product(first, second)]
     change, a, b = min(changes)
-    if change < 0:
+    least, most = _LIKELY_CHANGE
+    if change <= -least:
         return (
             f"{a} is given as under {one} and {b} as under {other}, but white changes the other way from one to the other: the two "
             "lights are exchanged; name the light of each shot (`chart_light`)"
         )
-    least, most = _LIKELY_CHANGE
     if change >= least:
         change, a, b = max(changes)
     if least <= change <= most:
         return ""
     return (
-        f"{a} is given as under {one} and {b} as under {other}, but white changes {change:.1f} times as much from one to the other "
-        f"as between these lights, {least:g} to {most:g} times are likely: name the light under which each was taken "
+        f"{a} is given as under {one} and {b} as under {other}, but white changes {max(change, 0):.1f} times as much from one "
+        f"to the other as between these lights, {least:g} to {most:g} times are likely: name the light under which each was taken "
         "(`chart_light`), or take the chart anew under these two"
     )
 
