@@ -136,6 +136,22 @@ def test_what_many_blocks_agree_on_is_kept() -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
+def test_red_print_between_black_print_is_red(sigma: float) -> None:
+    """Lines of 20 pixels: black, red, black. One line of colours for all three would leave an eighth of the red."""
+    shape, red = (120, 240), slice(50, 70)
+    covered, ink = strokes(shape)[..., None], np.full((*shape, 3), 0.06)
+    for blank in (slice(24), slice(44, 50), slice(70, 76), slice(96, None)):
+        covered[blank] = 0
+    ink[red] = 0.5, 0.05, 0.05
+    noise = np.random.default_rng(1).normal(scale=sigma, size=shape) if sigma else None
+    mosaic = observe(covered * ink + (1 - covered) * 0.8, CfaPattern.bayer(6), noise=noise)
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
+    rgb = render(mosaic, replace(BEST, learned=replace(BEST.learned, used=False))).rgb[red]
+    seen, true = rgb - rgb.mean(axis=2, keepdims=True), covered[red] * (0.3, -0.15, -0.15)
+    assert (seen * true).sum() > 0.25 * (true * true).sum()
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
 @pytest.mark.parametrize("letters", ["RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW", "kodak"])
 def test_black_print_stays_black(letters: str, sigma: float) -> None:
     pattern, shape = CfaPattern.of_letters(letters), (240, 240)

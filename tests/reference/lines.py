@@ -5,12 +5,13 @@ from functools import cache
 import numpy as np
 
 from offline.measured import EVEN
+from offline.sites import FILLED
 from offline.whole import colour_lines as constants
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur
 from tests.reference.geometry import block_corner, is_whole, patch_counts
-from tests.reference.sites import at_sites, whole_blocks
+from tests.reference.sites import at_sites, near, whole_blocks
 from tests.reference.trust import ring_of
 
 Lines = tuple[DoubleArray, DoubleArray, DoubleArray]
@@ -96,7 +97,60 @@ def colour_lines(
     share = 1 / (1 + (around @ chi.clip(None, constants._WORST) * confirmed**constants._CONFIRMED / limit) ** 6)
     aside = apart(rest) / (apart(rest) + (count - 1) * (expected + variance))
     share /= 1 + (mean / (around @ mean) * aside / constants._BRIGHT) ** 6
+    offset, slope = with_inks(
+        pattern, blocks[0][0], shape, (light, seen), (offset, slope), (mean, strokes, even + strokes + variance, rough)
+    )
     return offset.reshape(*shape, count), slope.reshape(*shape, count), share.reshape(shape)
+
+
+def with_inks(
+    pattern: CfaPattern,
+    sites: list[tuple[int, int, str]],
+    shape: tuple[int, int],
+    blocks: tuple[DoubleArray, DoubleArray],
+    line: tuple[DoubleArray, DoubleArray],
+    known: tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray],
+) -> tuple[DoubleArray, DoubleArray]:
+    """Offset and slope of each block's line, (blocks, C), with the ink of the nearest blocks as far as this explains more.
+
+    sites: of a block. shape: how many blocks there are. blocks: light and share of each channel in it, (blocks, C).
+    line: offset and slope before.
+    known: mean light, and variances: of a channel for strokes, for all that is expected, and where a line departs too, (blocks,).
+    """
+    (light, seen), (offset, slope), (mean, strokes, expected, rough) = blocks, line, known
+    count, close = seen.shape[1], _nearness(shape, constants._INK)
+    rest = seen - offset - slope * light
+    rest -= rest.mean(axis=1, keepdims=True)
+    bright, light_mean = np.zeros(len(mean)), light.mean(axis=1)
+    for here, each in enumerate(close):
+        weight = each / expected
+        bright[here] = weight @ light_mean**2 / (weight @ light_mean)
+    darker, tint = light_mean - bright, np.zeros_like(rest)
+    for _ in range(constants._ROUNDS):
+        left = ((rest - tint * darker[:, None]) ** 2).sum(axis=1)
+        sure = 1 / (expected + left / constants._FREEDOM + (constants._INKS * darker) ** 2)
+        prior = 1 / (4 * np.pi * constants._INK**2 * constants._INKS**2)
+        tint = np.stack([(each * sure * darker) @ rest / ((each * sure) @ darker**2 + prior) for each in close])
+
+    members = np.array([[float(name == channel) for *_, name in sites] for channel in pattern.channels])
+    nearby = members @ near(sites, FILLED) @ members.T
+    correlation = nearby / np.sqrt(np.outer(np.diag(nearby), np.diag(nearby)))
+
+    def likelihood(offset: DoubleArray, slope: DoubleArray) -> DoubleArray:
+        found = np.zeros(len(mean))
+        for here in range(len(mean)):
+            deviation = np.sqrt(slope[here] ** 2 * strokes[here] * count**2 + rough[here] - strokes[here])
+            covariance = correlation * np.outer(deviation, deviation)
+            error = seen[here] - offset[here] - slope[here] * light[here]
+            chi = error @ np.linalg.solve(covariance, error)
+            found[here] = -np.linalg.slogdet(covariance)[1] / 2
+            found[here] -= (constants._FREEDOM + count) / 2 * np.log(1 + chi / constants._FREEDOM)
+        return found
+
+    gain = likelihood(offset - tint * bright[:, None], slope + tint) - likelihood(offset, slope)
+    agreed = np.maximum(np.minimum(close @ gain, _nearness(shape) @ gain), 1e-9)
+    tint *= (1 / (1 + (constants._GAIN / agreed) ** constants._SURE))[:, None]
+    return offset - tint * bright[:, None], slope + tint
 
 
 def on_lines(
