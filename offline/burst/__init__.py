@@ -6,8 +6,8 @@ from ..memory import burst_memory
 from .alignment import Alignment, align
 from .copies import copies
 from .frames import View
-from .judging import Judged
 from .render import MergedBurst, merge_burst, render_burst_bands
+from .selection import Judged
 
 __all__ = [
     "Alignment",

@@ -1,34 +1,58 @@
 """Find how a frame of a hand-held series lies against the reference, from their luminance.
 
-Coarse to fine: phase correlation finds the shift of small copies of both planes. On each larger copy, every tile then says how far
-its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The shift and rotation in
-which most tiles agree correct the motion, so that moving things do not pull it. Where neighbouring tiles agree on something else
-(parallax), the motion gets local shifts.
+OpenCV finds shift and rotation: phase correlation of small copies (Kuglin and Hines 1975), then the largest correlation coefficient
+(ECC: Evangelidis and Psarakis 2008) on larger and larger copies, without the tiles that disagree, so that moving things do not pull.
+OpenCV looks between pixels to 1/32 pixel. A last step compares tiles with bicubic interpolation (Lucas and Kanade 1981): the shift
+and rotation in which most agree, and how certain that is. Optical flow (DIS: Kroeger et al. 2016), averaged on a grid of nodes, gives
+local shifts (parallax) where they explain what shift and rotation leave.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import atan2
+from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
-from shared.arrays import FloatArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.motion import Motion
 
-from . import fits
-from .frames import View
-from .tiles import SPREAD, Level, Tiles, levels, measure
+from ..gaussian import smoothed
+from .frames import DEVIATIONS, View, displaced
 
-# Chosen on drawn scenes: half and twice change the picture by 0.01 dB at most, or as said. `python -m tests.benchmarks.alignment`
-# measures on photographs.
-_CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less
+# Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
+_BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
+_SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
+_STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
+_LARGEST, _SMALL, _SMALLEST = (
+    1_500_000,
+    128,
+    24,
+)  # pixels: all of the largest copy; the longer side of correlated ones; the shorter side
 _PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
+_MASKS = 1
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = 32, 16  # pixels of a level: on the last level of a search, on those before (0.8, 0.0 dB with parallax)
-_ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
+_BORDER = 2  # pixels
+_TILE = 32  # pixels of the largest copy; half as many of smaller ones
+_ODD = 2.0, 0.1  # tiles do not count that leave more of the texture than twice the median, and than a tenth
+_ITERATIONS, _STILL = 50, 1e-7  # of ECC: at most, and the change of the coefficient that ends them
+_FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
+_FAR, _ROUNDS = (
+    9.0,
+    12,
+)  # squared deviations in units of their variance, from which on a tile counts clearly less; rounds of the fit
+_STEP = 0.3  # pixels: how much local shifts differ from a node to the next (0.3 dB)
+_LOCAL_ROUNDS, _LOCAL_FITS = 2, 3  # measurements on each of two levels, and rounds as above for local shifts
+_VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
+_NEAR, _OVERALL = 2, 0.02  # nodes: radius of the window in which local shifts are validated; weight of all other tiles there
+_LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
+_LEAST = 0.2  # that share of all
+_WEAK = 1e-6  # information: where nothing is known, there is no shift
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
 _MOST_ERROR = 0.5  # pixels
+_TINY = float(np.finfo(np.float32).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,100 +79,279 @@ def align(reference: View, frame: View) -> Alignment:
 
     Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
     """
-    planes = reference.luminance, frame.luminance
-    if planes[0].shape != planes[1].shape:
-        sizes = ["{1} x {0}".format(*plane.shape) for plane in planes[::-1]]
+    shapes = reference.luminance.shape, frame.luminance.shape
+    if shapes[0] != shapes[1]:
+        sizes = ["{1} x {0}".format(*shape) for shape in shapes[::-1]]
         raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference")
-    pyramid = levels(_unclipped(reference), _unclipped(frame))
-    first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
-    coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
-    tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
-    motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], reference, frame))
-    motion, tiles, error = _refined(fine, motion, tiles.gain)
-    agreement = _agreement(pyramid[0], tiles, reference, frame)
+    levels = list(_levels(reference, frame))[::-1]
+    small = [level for level in levels if max(level.reference.shape) <= _SMALL] or levels[:1]
+    starts = [Motion(shift).times(small[-1].scale / small[0].scale) for shift in _shifts(small[-1])]
+    tried = [_on_larger_copies(small, start) for start in starts]
+    motion = max(tried, key=lambda start: _tiles(small[-1], start).agreement)
+    motion = _on_larger_copies(levels[len(small) - 1 :], motion)
+    finest = levels[-1]
+    for _ in range(2):
+        tiles = _tiles(finest, motion)
+        motion, error = _corrected(finest, tiles, motion)
+    error *= finest.scale
     if not error <= _MOST_ERROR:
         raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
-    motion, tiles = _with_local_shifts(pyramid[:_LOCAL_LEVELS], motion, tiles)
-    agreement = max(agreement, _agreement(pyramid[0], tiles, reference, frame))
-    if agreement < _LEAST_AGREEMENT:
-        share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
+    tiles = _tiles(finest, motion)
+    motion = _with_local_shifts(levels[-2:], motion)
+    if motion.local is not None:
+        tiles = max(tiles, _tiles(finest, motion), key=lambda each: each.agreement)
+    if tiles.agreement < _LEAST_AGREEMENT:
+        share = (
+            f"{100 * tiles.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
+        )
         raise InputError(f"another scene, or too little texture: {share}")
-    return Alignment(motion, tiles.gain, error, agreement)
+    return Alignment(motion.times(finest.scale), tiles.gain, error, tiles.agreement)
 
 
-def _unclipped(view: View) -> FloatArray:
-    """Luminance with NaN at its clipped pixels."""
-    return np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) if view.limit < np.inf else view.luminance
+class _Level(NamedTuple):
+    """Smoothed copies of both planes, NaN where a sample is clipped.
+
+    scale: pixels of the frame per pixel of the copies. views: of the frames, for their noise. nodes: rows and columns of tiles, whose
+    middles lie evenly from the first pixel to the last.
+    """
+
+    scale: int
+    reference: FloatArray
+    frame: FloatArray
+    views: tuple[View, View]
+    nodes: tuple[int, int]
 
 
-def _shifts(level: Level) -> Iterator[tuple[float, float]]:
-    """The most probable shifts by phase correlation (Kuglin and Hines 1975), pixels of the frame."""
-    shape = level.frame.shape
-    window = np.outer(*(np.hanning(size + 2)[1:-1] for size in shape))
-    planes = [np.nan_to_num(plane - np.nanmean(plane)) if np.isfinite(plane).any() else 0 * window for plane in level[2:]]
-    spectra = [np.fft.rfft2(plane * window) for plane in planes]
-    cross = np.conj(spectra[0]) * spectra[1]
-    cross /= np.maximum(np.abs(cross), 1e-3 * np.abs(cross).mean() + np.finfo(np.float64).tiny)
-    y, x = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
-    surface = np.fft.irfft2(cross * np.exp(-2 * np.pi**2 * (y**2 + x**2)), shape)  # a Gaussian of one pixel
-    rows, columns = (np.rint(np.fft.fftfreq(size) * size) for size in shape)
-    surface[np.abs(rows) > _FARTHEST * shape[0]] = -np.inf
-    surface[:, np.abs(columns) > _FARTHEST * shape[1]] = -np.inf
-    yield 0.0, 0.0  # a large thing that moves may have the highest peaks
+def _levels(*views: View) -> Iterator[_Level]:
+    """Smaller and smaller copies."""
+    import cv2
+
+    planes = [np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) for view in views]
+    scale = 1
+    if planes[0].size > _LARGEST:
+        planes, scale = [cv2.pyrDown(plane) for plane in planes], 2
+    shape, tile = planes[0].shape, _TILE
+    while True:
+        nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
+        yield _Level(scale, smoothed(planes[0], _BLUR), smoothed(planes[1], _BLUR), (views[0], views[1]), nodes)
+        if min(planes[0].shape) < 2 * _SMALLEST:
+            return
+        tile = 2 * tile if planes[0].shape != shape else tile
+        planes, scale = [cv2.pyrDown(plane) for plane in planes], 2 * scale
+
+
+def _shifts(level: _Level) -> Iterator[tuple[float, float]]:
+    """The shifts, down and across, from which the search starts."""
+    import cv2
+
+    yield 0.0, 0.0  # a large thing that moves may have the highest peak
+    height, width = level.reference.shape
+    down, across = int(_FARTHEST * height), int(_FARTHEST * width)
+    middle = _filled(level.reference)[down : height - down, across : width - across]
+    surface = cv2.matchTemplate(_filled(level.frame), middle, cv2.TM_CCOEFF_NORMED)
     for _ in range(_PEAKS):
-        row, column = np.unravel_index(np.argmax(surface), shape)
-        yield float(rows[row] * level.scale), float(columns[column] * level.scale)
-        surface[np.ix_(np.abs(rows - rows[row]) <= _APART, np.abs(columns - columns[column]) <= _APART)] = -np.inf
+        y, x = np.unravel_index(np.argmax(surface), surface.shape)
+        yield float(y - down), float(x - across)
+        surface[max(y - _APART, 0) : y + _APART + 1, max(x - _APART, 0) : x + _APART + 1] = -1
+    window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+    (x, y), _ = cv2.phaseCorrelate(*(plane - plane.mean() for plane in map(_filled, level[1:3])), window)
+    if abs(x) <= across and abs(y) <= down:
+        yield y, x
 
 
-def _brightness(level: Level) -> float:
-    """About how many times as bright as the reference the frame is."""
-    both = np.isfinite(level.reference + level.frame)
-    means = [float(plane[both].mean()) if both.any() else 0.0 for plane in level[2:]]
-    return means[1] / means[0] if min(means) > 0 else 1.0
+def _filled(plane: FloatArray) -> FloatArray:
+    """The plane with clipped pixels as bright as the brightest of the others."""
+    known = np.isfinite(plane)
+    return np.where(known, plane, plane[known].max() if known.any() else 0)
 
 
-def _nodes(level: Level, tile: int) -> tuple[int, int]:
-    rows, columns = (max(round(size / (tile * level.scale)) + 1, 2) for size in level.shape)
-    return rows, columns
+def _on_larger_copies(levels: list[_Level], motion: Motion) -> Motion:
+    """The motion on the last level from that on the first, where moving things do not count."""
+    for level in levels:
+        if level is not levels[0]:
+            motion = motion.times(2)
+        motion = _correlated(level, motion, _tiles(level, motion).counted)
+        for _ in range(_MASKS):
+            motion, _e = _corrected(level, _tiles(level, motion), motion)
+    return motion
 
 
-def _refined(pyramid: list[Level], motion: Motion, gain: float) -> tuple[Motion, Tiles, float]:
-    """The motion corrected on one level after the other; the last measurement, and the estimated error in pixels."""
-    for level in pyramid:
-        nodes = _nodes(level, _TILE if level is pyramid[-1] else _COARSE_TILE)
-        for _ in range(_ROUNDS):
-            tiles = measure(level, nodes, motion, gain)
-            step, gain = fits.rigid(tiles, level.affine(motion)[0]), tiles.gain
-            down, across = (level.scale * step.shift).tolist()
-            motion = replace(motion, shift=(motion.shift[0] + down, motion.shift[1] + across), angle=motion.angle + step.angle)
-            if np.hypot(*step.shift) + abs(step.angle) * np.hypot(*level.frame.shape) / 2 < _STILL:
-                break
-    return motion, tiles, level.scale * step.error
+def _correlated(level: _Level, motion: Motion, counted: BoolArray) -> Motion:
+    """The motion with the largest correlation coefficient. counted: which pixels of the reference do."""
+    import cv2
+
+    (height, width), centre = level.reference.shape, (np.array(level.reference.shape) - 1) / 2
+    turn, start = motion.affine((height, width))
+    warp = np.column_stack([turn[::-1, ::-1], start[::-1]]).astype(np.float32)  # of (x, y)
+    mask = cv2.warpAffine((counted & np.isfinite(level.reference)).astype(np.uint8), warp, (width, height), flags=cv2.INTER_NEAREST)
+    mask = cv2.erode(mask * np.isfinite(level.frame), np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    stop = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ITERATIONS, _STILL
+    try:
+        planes = _filled(level.reference), _filled(level.frame)
+        warp = cv2.findTransformECC(*planes, warp, cv2.MOTION_EUCLIDEAN, stop, mask, 1)[1]
+    except cv2.error:  # they do not correlate
+        return motion
+    turn, start = warp[::-1, 1::-1].astype(np.float64), warp[::-1, 2].astype(np.float64)
+    down, across = start - centre + turn @ centre
+    return Motion((float(down), float(across)), atan2(turn[1, 0], turn[0, 0])) if np.isfinite(warp).all() else motion
 
 
-def _with_local_shifts(pyramid: list[Level], motion: Motion, tiles: Tiles) -> tuple[Motion, Tiles]:
-    """The motion with local shifts, where there are any, and the last measurement."""
-    nodes = _nodes(pyramid[0], _TILE)
-    shifts = np.zeros((*nodes, 2))
-    for level in pyramid[::-1]:
-        for _ in range(_LOCAL_ROUNDS):
-            tiles = measure(level, nodes, motion, tiles.gain, shifts)
-            shifts = level.scale * fits.local(tiles, shifts / level.scale)
-        if not shifts.any():
-            break  # the finer levels would not find any either
-    if not shifts.any():
-        return motion, tiles
-    return replace(motion, local=shifts.astype(np.float32)), measure(pyramid[0], nodes, motion, tiles.gain, shifts)
+class _Tiles(NamedTuple):
+    """A measurement; (R, C) tiles.
+
+    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
+    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
+        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
+    agreement: see `Alignment`. gain: how many times as bright the frame is.
+    counted: (H, W), pixels of the tiles that leave as little of the texture as most.
+    """
+
+    shifts: DoubleArray
+    information: DoubleArray
+    agreement: float
+    gain: float
+    counted: BoolArray
 
 
-def _agreement(level: Level, tiles: Tiles, reference: View, frame: View) -> float:
-    """The share of the reference's texture, beyond noise, that the frame shows too. Where there is little, it counts less."""
-    variance = reference.variance(tiles.light), frame.variance(tiles.light * tiles.gain) / tiles.gain**2
-    smooth = tiles.pixels / (SPREAD * level.scale**2)
-    texture = np.maximum(tiles.texture - smooth * variance[0], 0)
-    differs = np.maximum(tiles.rest - smooth * (variance[0] + variance[1]), 0)
-    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float32).tiny), 0, 1)
-    contrast = np.sqrt(texture / np.maximum(tiles.pixels, 1))
-    weights = tiles.pixels * contrast / (contrast + max(float(contrast.mean()), np.finfo(np.float32).tiny))
-    return float((weights * share).sum() / max(weights.sum(), np.finfo(np.float32).tiny))
+def _without_border(plane: FloatArray) -> FloatArray:
+    """The plane with NaN at its border, which knows what lies beyond only mirrored."""
+    inside, found = np.s_[_BORDER:-_BORDER, _BORDER:-_BORDER], np.full_like(plane, np.nan)
+    found[inside] = plane[inside]
+    return found
+
+
+def _tiles(level: _Level, motion: Motion) -> _Tiles:
+    """Measure how the tiles lie, compared with a motion."""
+    import cv2
+
+    own, seen = _without_border(level.reference), displaced(_without_border(level.frame), motion)
+    height, width = own.shape
+    valid = np.isfinite(own + seen)
+    rows, columns = level.nodes
+    above, before = round(height / (2 * rows - 2)), round(width / (2 * columns - 2))  # half a tile
+    area = (height + 2 * above) * (width + 2 * before) / (rows * columns)
+
+    def sums(plane: FloatArray) -> DoubleArray:
+        whole = cv2.copyMakeBorder(plane, above, above, before, before, cv2.BORDER_CONSTANT, value=0)
+        return area * cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float64)
+
+    light, shown = (sums(np.where(valid, plane, 0)) for plane in (own, seen))
+    lit = (light > 0) & (shown > 0)
+    gain = float(np.median(shown[lit] / light[lit])) if lit.any() else 1.0
+    down, across = np.gradient(own)
+    valid &= np.isfinite(down + across)
+    planes = [np.where(valid, plane, np.float32(0)) for plane in (down, across, seen / np.float32(gain) - own, own)]
+    pixels = sums(valid.astype(np.float32))
+    number = np.maximum(pixels, 1)
+    means = [sums(plane) / number for plane in planes]
+
+    def products(i: int, j: int) -> DoubleArray:
+        return sums(planes[i] * planes[j]) - number * means[i] * means[j]
+
+    squares = np.stack([products(0, 0), products(0, 1), products(0, 1), products(1, 1)], axis=-1).reshape(*pixels.shape, 2, 2)
+    right, texture = np.stack([products(0, 2), products(1, 2)], axis=-1), np.maximum(products(3, 3), 0)
+    least = 1e-6 * float(np.square(planes[3]).mean()) + _TINY  # differences below it are rounding
+    shifts = -np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0]
+    rest = np.maximum(products(2, 2) + (right * shifts).sum(axis=-1), 0)
+    noise = rest / np.maximum(pixels - 3, 1) + least
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
+    values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
+    information = (axes * (np.maximum(values, 0) / (noise * _SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
+
+    variances = level.views[0].variance(means[3]), level.views[1].variance(means[3] * gain) / gain**2
+    smooth = pixels / (_SPREAD * level.scale**2)
+    texture = np.maximum(texture - smooth * variances[0], 0)
+    differs = np.maximum(rest - smooth * (variances[0] + variances[1]), 0)
+    contrast = np.sqrt(texture / number)
+    weights = pixels * contrast / (contrast + max(float(contrast.mean()), _TINY))
+    share = np.clip(1 - differs / np.maximum(texture, _TINY), 0, 1)
+    odd = differs / (texture + smooth * (variances[0] + variances[1]) + _TINY)
+    usual = odd <= max(_ODD[0] * float(np.median(odd)), _ODD[1])
+    counted = cv2.resize(usual.astype(np.uint8), (width + 2 * before, height + 2 * above), interpolation=cv2.INTER_NEAREST) > 0
+    counted = counted[above : above + height, before : before + width]
+    return _Tiles(shifts, information, float((weights * share).sum() / max(weights.sum(), _TINY)), gain, counted)
+
+
+def _corrected(level: _Level, tiles: _Tiles, motion: Motion) -> tuple[Motion, float]:
+    """The motion corrected as most tiles agree, and the estimated error of the places in the frame, pixels of the copies."""
+    shape, size = tiles.shifts.shape[:2], level.reference.shape
+    middles = (np.linspace(-(side - 1) / 2, (side - 1) / 2, count) for count, side in zip(shape, size, strict=True))
+    arm = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1) @ motion.affine((size[0], size[1]))[0].T
+    jacobian = np.zeros((*shape, 2, 3))
+    jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1
+    jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1], arm[..., 0]
+    certain = _certain(tiles)
+    turned = np.square(arm).sum(axis=-1).mean()
+    known, weights = np.diag([1e-6, 1e-6, 1e-6 * (turned + 1)]), np.ones(shape)  # where nothing is known: no correction
+    for _ in range(_ROUNDS):
+        matrix = known + np.einsum("ab,abip,abij,abjq->pq", weights, jacobian, certain, jacobian, optimize=True)
+        step = np.linalg.solve(matrix, np.einsum("ab,abip,abij,abj->p", weights, jacobian, certain, tiles.shifts, optimize=True))
+        far = _squared(tiles.shifts - jacobian @ step, certain)
+        weights = _counts(far)
+    covariance = np.linalg.inv(matrix) * max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
+    error = float(np.sqrt(covariance[0, 0] + covariance[1, 1] + covariance[2, 2] * turned))
+    return Motion((motion.shift[0] + step[0], motion.shift[1] + step[1]), motion.angle + float(step[2])), error
+
+
+def _with_local_shifts(levels: list[_Level], motion: Motion) -> Motion:
+    """The motion with local shifts, where the tiles agree on some. levels: the coarser one first; the motion is one on the last.
+
+    Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
+    """
+    local = np.zeros((*levels[-1].nodes, 2))
+    for level in levels * _LOCAL_ROUNDS:
+        part = levels[-1].scale / level.scale
+        tiles = _tiles(level, replace(motion, local=local.astype(np.float32)).times(part))
+        shifts, certain = tiles.shifts + part * local, _certain(tiles)
+        weights = np.ones(level.nodes)
+        for _ in range(_LOCAL_FITS):
+            field = _smooth(shifts, certain * weights[..., None, None])
+            weights = _counts(_squared(shifts - field, certain))
+        odd = np.indices(level.nodes).sum(axis=0) % 2
+        halves = [_smooth(shifts, certain * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
+        vague = np.eye(2) / _VAGUE**2
+        freedom = np.trace(np.linalg.solve(certain + vague, certain), axis1=2, axis2=3)  # 2, less where there is little texture
+        without, left = (weights * _squared(rest, certain) for rest in (shifts, shifts - np.where(odd[..., None], *halves)))
+        won, most = without - left, without + weights * freedom
+        if won.sum() <= _LEAST * most.sum():
+            return motion  # some windows out of many would agree by chance
+        share = _window(won) / np.maximum(_window(most), _TINY)
+        local = field * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None] / part
+    return replace(motion, local=local.astype(np.float32)) if local.any() else motion
+
+
+def _certain(tiles: _Tiles) -> DoubleArray:
+    """The tiles' information, with an error of `_FLOOR` added to each."""
+    return np.asarray(np.linalg.solve(np.eye(2) + _FLOOR**2 * tiles.information, tiles.information), np.float64)
+
+
+def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
+    """Squared deviations in units of their variance: (R, C)."""
+    return np.einsum("abi,abij,abj->ab", shifts, information, shifts)
+
+
+def _counts(far: DoubleArray) -> DoubleArray:
+    """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
+    limit = max(_FAR, 4 * float(np.median(far)))
+    return (limit / (limit + far)) ** 2
+
+
+def _smooth(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
+    """The shifts that fit the tiles' and differ little from node to node."""
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    count = shifts.shape[0] * shifts.shape[1]
+    rows, columns = (sparse.diags([-1.0, 1.0], [0, 1], (size - 1, size)) for size in shifts.shape[:2])
+    down, across = sparse.kron(rows, sparse.eye(shifts.shape[1])), sparse.kron(sparse.eye(shifts.shape[0]), columns)
+    tie = sparse.kron(down.T @ down + across.T @ across, sparse.eye(2) / _STEP**2)
+    own = sparse.bsr_matrix((information.reshape(count, 2, 2), np.arange(count), np.arange(count + 1)))
+    right = np.einsum("abij,abj->abi", information, shifts).ravel()
+    return np.asarray(spsolve((tie + own + _WEAK * sparse.eye(2 * count)).tocsc(), right), np.float64).reshape(shifts.shape)
+
+
+def _window(values: DoubleArray) -> DoubleArray:
+    """Sums over the window around each node, and a little of the sum over all: what decides where a window holds no texture."""
+    size = 2 * _NEAR + 1
+    return size**2 * uniform_filter(values, size, mode="constant") + _OVERALL * values.sum()

@@ -27,9 +27,10 @@ from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
 from ..whole.denoising import denoise_luminance
+from .colour import ColourSamples, Spreading, alone_of, relit_sites
 from .copies import copies
-from .judging import Comparison, Judged, Kept, as_arrays, compared, displaced
-from .samples import ColourSamples, Spreading, alone_of, relit_sites
+from .frames import as_arrays, displaced
+from .selection import Comparison, Judged, Kept, compared
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
 from offline.burst.render import MergedLuminance, denoised
-from offline.burst.samples import relit_sites
+from offline.burst.colour import relit_sites
 from offline.cleaned import Cleaned
 from offline.kernels.spreading import TOLERANCE
 from offline.whole.denoising import denoise_luminance
@@ -202,7 +202,7 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    monkeypatch.setattr("offline.burst.samples.report", lambda *_: None)
+    monkeypatch.setattr("offline.burst.colour.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
 

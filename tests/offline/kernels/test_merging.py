@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from offline.burst import Motion
-from offline.burst.judging import as_arrays, displaced
+from offline.burst.frames import as_arrays, displaced
 from offline.kernels.merging import merge
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray

@@ -6,21 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.arrays import BoolArray, ByteArray
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
-from ..kernels.merging import displace
 from ..render import restored
 from ..settings import RenderSettings
 from ..whole.luminance import recover_luminance
 from .agreement import BlockColours, agreement, agreement_of, block_colours, colour_change, on_pixels, unclipped
 from .alignment import align
-from .frames import TINY, Frame, View, noise_models, prepared, tile_means
-from .tiles import weighted_median
+from .frames import TINY, Frame, View, displaced, noise_models, prepared, tile_means
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame
@@ -140,21 +138,6 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     return ""
 
 
-def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
-    """Motions as the kernels take them."""
-    turns, starts = zip(*(motion.affine((shape[0], shape[1])) for motion in motions), strict=True)
-    nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-    shifts = [motion.local if motion.local is not None else np.zeros(nodes) for motion in motions]
-    return np.array(turns), np.array(starts), np.array(shifts, np.float32)
-
-
-def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
-    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
-    found = np.empty(plane.shape, np.float32)
-    displace(plane, as_arrays([motion], plane.shape), found)
-    return found
-
-
 def _sharpness(reference: View, frame: View, seen: BoolArray) -> float:
     """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
     (own, own_noise), (other, other_noise) = (view.detail(seen) for view in (reference, frame))
@@ -162,7 +145,8 @@ def _sharpness(reference: View, frame: View, seen: BoolArray) -> float:
     if not clear.any():
         return 1.0  # no tile shows it
     ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear] / (own - own_noise)[clear])
-    return weighted_median(ratio, np.sqrt((own - own_noise)[clear]))
+    weights = np.sqrt((own - own_noise)[clear])
+    return float(np.quantile(ratio, 0.5, weights=weights, method="inverted_cdf"))
 
 
 def _unevenness(reference: View, frame: View, seen: BoolArray) -> float:

@@ -26,7 +26,7 @@ from ..measured import Measured
 from ..parts import Look, Part, RowStage
 from ..solvers import report
 from .frames import FILL_ERROR, NEIGHBOURHOOD, SHARED, TINY
-from .judging import Kept
+from .selection import Kept
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
