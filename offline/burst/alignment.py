@@ -1,58 +1,42 @@
 """Find how a frame of a hand-held series lies against the reference, from their luminance.
 
-OpenCV finds shift and rotation: phase correlation of small copies (Kuglin and Hines 1975), then the largest correlation coefficient
-(ECC: Evangelidis and Psarakis 2008) on larger and larger copies, without the tiles that disagree, so that moving things do not pull.
-OpenCV looks between pixels to 1/32 pixel. A last step compares tiles with bicubic interpolation (Lucas and Kanade 1981): the shift
-and rotation in which most agree, and how certain that is. Optical flow (DIS: Kroeger et al. 2016), averaged on a grid of nodes, gives
-local shifts (parallax) where they explain what shift and rotation leave.
+Coarse to fine: phase correlation finds the shift of small copies of both planes (Kuglin and Hines 1975). On each larger copy, every
+tile then says how far its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The
+shift and rotation in which most tiles agree correct the motion, so that moving things do not pull it. Where neighbouring tiles
+agree on something else (parallax), the motion gets local shifts.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import atan2
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.motion import Motion
 
 from ..gaussian import smoothed
-from .frames import DEVIATIONS, View, displaced
+from .frames import DEVIATIONS, TINY, View, displaced
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
 _BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
 _SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
 _STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
-_LARGEST, _SMALL, _SMALLEST = (
-    1_500_000,
-    128,
-    24,
-)  # pixels: all of the largest copy; the longer side of correlated ones; the shorter side
-_PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
-_MASKS = 1
+_LARGEST, _SMALLEST = 1_500_000, 24  # pixels: larger planes are compared at half their size; shorter side of the smallest copy
+_CORRELATED, _PEAKS, _APART = 128, 3, 3  # pixels: longer side of correlated copies; shifts that are tried, pixels between them
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_BORDER = 2  # pixels
-_TILE = 32  # pixels of the largest copy; half as many of smaller ones
-_ODD = 2.0, 0.1  # tiles do not count that leave more of the texture than twice the median, and than a tenth
-_ITERATIONS, _STILL = 50, 1e-7  # of ECC: at most, and the change of the coefficient that ends them
+_BORDER = 1  # pixels of a copy that know what lies beyond it only mirrored
+_TILE, _COARSE_TILE = 32, 16  # pixels of the largest copy, and of smaller ones
 _FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
-_FAR, _ROUNDS = (
-    9.0,
-    12,
-)  # squared deviations in units of their variance, from which on a tile counts clearly less; rounds of the fit
-_STEP = 0.3  # pixels: how much local shifts differ from a node to the next (0.3 dB)
-_LOCAL_ROUNDS, _LOCAL_FITS = 2, 3  # measurements on each of two levels, and rounds as above for local shifts
+_FAR, _FITS = 9.0, 12  # squared deviations, of their variance, from which on a tile counts clearly less; rounds that find them
+_STEPS, _STILL = 8, 1e-2  # corrections on each copy at most, until one is smaller, pixels of the copy
+_NEAR, _WINDOW = 0.7, 2.0  # nodes: standard deviations of neighbourhoods that share local shifts, and in which these are judged
 _VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
-_NEAR, _OVERALL = 2, 0.02  # nodes: radius of the window in which local shifts are validated; weight of all other tiles there
-_LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
+_LOST, _WON = 0.4, 0.7  # share of squared deviations that local shifts must explain to be taken at all, and in full
 _LEAST = 0.2  # that share of all
-_WEAK = 1e-6  # information: where nothing is known, there is no shift
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
 _MOST_ERROR = 0.5  # pixels
-_TINY = float(np.finfo(np.float32).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,247 +67,209 @@ def align(reference: View, frame: View) -> Alignment:
     if shapes[0] != shapes[1]:
         sizes = ["{1} x {0}".format(*shape) for shape in shapes[::-1]]
         raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference")
-    levels = list(_levels(reference, frame))[::-1]
-    small = [level for level in levels if max(level.reference.shape) <= _SMALL] or levels[:1]
-    starts = [Motion(shift).times(small[-1].scale / small[0].scale) for shift in _shifts(small[-1])]
-    tried = [_on_larger_copies(small, start) for start in starts]
-    motion = max(tried, key=lambda start: _tiles(small[-1], start).agreement)
-    motion = _on_larger_copies(levels[len(small) - 1 :], motion)
-    finest = levels[-1]
-    for _ in range(2):
-        tiles = _tiles(finest, motion)
-        motion, error = _corrected(finest, tiles, motion)
-    error *= finest.scale
-    if not error <= _MOST_ERROR:
+    if min(shapes[0]) < _SMALLEST // 2:
+        raise InputError(f"{shapes[0][1]} x {shapes[0][0]} pixels are too few to be aligned")
+    copies = list(_copies(reference, frame))[::-1]
+    small = [copy for copy in copies if max(copy.reference.shape) <= _CORRELATED] or copies[:1]
+    scale = small[-1].scale / small[0].scale
+    tried = [_refined(small, Motion(shift).times(scale)) for shift in _shifts(small[-1])]
+    motion, tiles, error = max(tried, key=lambda each: each[1].agreement)
+    if copies[len(small) :]:
+        motion, tiles, error = _refined(copies[len(small) :], motion.times(2))
+    scale = copies[-1].scale
+    if not error * scale <= _MOST_ERROR:
         raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
-    tiles = _tiles(finest, motion)
-    motion = _with_local_shifts(levels[-2:], motion)
-    if motion.local is not None:
-        tiles = max(tiles, _tiles(finest, motion), key=lambda each: each.agreement)
-    if tiles.agreement < _LEAST_AGREEMENT:
-        share = (
-            f"{100 * tiles.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        )
+    local = _local_shifts(copies[-2:], motion)
+    if local.any():
+        motion = replace(motion, local=local)
+        tiles = max(tiles, copies[-1].tiles(motion), key=lambda each: each.agreement)
+    agreement = tiles.agreement
+    if agreement < _LEAST_AGREEMENT:
+        share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
         raise InputError(f"another scene, or too little texture: {share}")
-    return Alignment(motion.times(finest.scale), tiles.gain, error, tiles.agreement)
+    return Alignment(motion.times(scale), tiles.gain, error * scale, agreement)
 
 
-class _Level(NamedTuple):
-    """Smoothed copies of both planes, NaN where a sample is clipped.
+class _Tiles(NamedTuple):
+    """A measurement of the tiles around (R, C) nodes, which lie evenly from the first pixel to the last.
 
-    scale: pixels of the frame per pixel of the copies. views: of the frames, for their noise. nodes: rows and columns of tiles, whose
-    middles lie evenly from the first pixel to the last.
+    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
+    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
+        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
+    gain: how many times as bright the frame is. agreement: see `Alignment`.
+    """
+
+    shifts: DoubleArray
+    information: DoubleArray
+    gain: float
+    agreement: float
+
+
+class _Copies(NamedTuple):
+    """Smaller, smooth copies of both planes; NaN at the border, and where a sample is clipped.
+
+    scale: pixels of the frame per pixel. nodes: of its tiles. views: of the frames, for their noise.
     """
 
     scale: int
     reference: FloatArray
     frame: FloatArray
-    views: tuple[View, View]
     nodes: tuple[int, int]
+    views: tuple[View, View]
+
+    def tiles(self, motion: Motion) -> _Tiles:
+        """Measure how the tiles lie, compared with a motion."""
+        planes = np.stack([*np.gradient(self.reference), self.reference, displaced(self.frame, motion)])
+        known = np.isfinite(planes).all(axis=0)
+        planes[:, ~known] = 0
+        pixels = self.around(known)
+        number = np.maximum(pixels, 1)
+        light, shown = self.around(planes[2:])
+        lit = (light > 0) & (shown > 0)
+        gain = float(np.median(shown[lit] / light[lit])) if lit.any() else 1.0
+        planes[3] = planes[3] / np.float32(gain) - planes[2]
+        means = self.around(planes) / number
+        least = 1e-6 * float(np.square(planes[2]).mean()) + TINY  # differences below it are rounding
+        yy, yx, xx, ye, xe, rr, ee = (
+            self.around(planes[i] * planes[j]) - number * means[i] * means[j]
+            for i, j in ((0, 0), (0, 1), (1, 1), (0, 3), (1, 3), (2, 2), (3, 3))
+        )
+        squares = np.stack([yy, yx, yx, xx], axis=-1).reshape(*self.nodes, 2, 2)
+        right = np.stack([ye, xe], axis=-1)
+        shifts = -np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0]
+        rest = np.maximum(ee + (right * shifts).sum(axis=-1), 0)
+        noise = rest / np.maximum(pixels - 3, 1) + least
+        # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+        chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
+        values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
+        information = np.maximum(values, 0) / (noise * _SPREAD)[..., None]
+        information /= 1 + _FLOOR**2 * information
+        information = (axes * information[..., None, :]) @ np.swapaxes(axes, -1, -2)
+
+        smooth = pixels / (_SPREAD * self.scale**2)
+        own, other = (smooth * view.variance(level) for view, level in zip(self.views, (means[2], means[2] * gain), strict=True))
+        texture, differs = np.maximum(rr - own, 0), np.maximum(rest - own - other / gain**2, 0)
+        contrast = np.sqrt(texture / number)
+        weights = pixels * contrast / (contrast + max(float(contrast.mean()), TINY))
+        share = np.clip(1 - differs / np.maximum(texture, TINY), 0, 1)  # of the texture, beyond noise, that the frame shows too
+        return _Tiles(shifts, information, gain, float((weights * share).sum() / max(weights.sum(), TINY)))
+
+    def around(self, planes: FloatArray | BoolArray) -> DoubleArray:
+        """Sums of planes (..., H, W) over the pixels nearest to each node."""
+        sums = planes.astype(np.float32, copy=False)
+        for axis, count in zip((-2, -1), self.nodes, strict=True):
+            middles = (np.arange(count - 1) + 0.5) * ((planes.shape[axis] - 1) / (count - 1))
+            sums = np.add.reduceat(sums, np.r_[0, np.ceil(middles).astype(np.intp)], axis)
+        return sums.astype(np.float64)
 
 
-def _levels(*views: View) -> Iterator[_Level]:
+def _copies(*views: View) -> Iterator[_Copies]:
     """Smaller and smaller copies."""
-    import cv2
-
     planes = [np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) for view in views]
-    scale = 1
-    if planes[0].size > _LARGEST:
-        planes, scale = [cv2.pyrDown(plane) for plane in planes], 2
-    shape, tile = planes[0].shape, _TILE
+    planes, scale = ([_halved(plane) for plane in planes], 2) if planes[0].size > _LARGEST else (planes, 1)
+    inside, shape, whole = np.s_[_BORDER:-_BORDER, _BORDER:-_BORDER], planes[0].shape, scale
     while True:
+        smooth = [np.full_like(plane, np.nan) for plane in planes]
+        for copy, plane in zip(smooth, planes, strict=True):
+            copy[inside] = smoothed(plane, _BLUR)[inside]
+        tile = _TILE if scale == whole else _COARSE_TILE * scale / whole
         nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
-        yield _Level(scale, smoothed(planes[0], _BLUR), smoothed(planes[1], _BLUR), (views[0], views[1]), nodes)
+        yield _Copies(scale, smooth[0], smooth[1], nodes, (views[0], views[1]))
         if min(planes[0].shape) < 2 * _SMALLEST:
             return
-        tile = 2 * tile if planes[0].shape != shape else tile
-        planes, scale = [cv2.pyrDown(plane) for plane in planes], 2 * scale
+        planes, scale = [_halved(plane) for plane in planes], 2 * scale
 
 
-def _shifts(level: _Level) -> Iterator[tuple[float, float]]:
-    """The shifts, down and across, from which the search starts."""
-    import cv2
+def _halved(plane: FloatArray) -> FloatArray:
+    """Means of 2 x 2 pixels."""
+    height, width = (size // 2 * 2 for size in plane.shape)
+    rows = plane[:height:2, :width] + plane[1:height:2, :width]
+    return np.float32(0.25) * (rows[:, ::2] + rows[:, 1::2])
 
-    yield 0.0, 0.0  # a large thing that moves may have the highest peak
-    height, width = level.reference.shape
-    down, across = int(_FARTHEST * height), int(_FARTHEST * width)
-    middle = _filled(level.reference)[down : height - down, across : width - across]
-    surface = cv2.matchTemplate(_filled(level.frame), middle, cv2.TM_CCOEFF_NORMED)
+
+def _shifts(copies: _Copies) -> Iterator[tuple[float, float]]:
+    """The most probable shifts, pixels of the copies."""
+    shape = copies.frame.shape
+    window = np.outer(*(np.hanning(size + 2)[1:-1] for size in shape))
+    planes = [np.ma.masked_invalid(plane) for plane in (copies.reference, copies.frame)]
+    spectra = [np.fft.rfft2((plane - plane.mean()).filled(0) * window) for plane in planes]
+    cross = np.conj(spectra[0]) * spectra[1]
+    cross /= np.maximum(np.abs(cross), 1e-3 * np.abs(cross).mean() + TINY)
+    y, x = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
+    surface = np.fft.irfft2(cross * np.exp(-2 * np.pi**2 * (y**2 + x**2)), shape)  # a Gaussian of one pixel
+    rows, columns = (np.rint(np.fft.fftfreq(size) * size) for size in shape)
+    surface[np.abs(rows) > _FARTHEST * shape[0]] = -np.inf
+    surface[:, np.abs(columns) > _FARTHEST * shape[1]] = -np.inf
+    yield 0.0, 0.0  # a large thing that moves may have the highest peaks
     for _ in range(_PEAKS):
-        y, x = np.unravel_index(np.argmax(surface), surface.shape)
-        yield float(y - down), float(x - across)
-        surface[max(y - _APART, 0) : y + _APART + 1, max(x - _APART, 0) : x + _APART + 1] = -1
-    window = cv2.createHanningWindow((width, height), cv2.CV_32F)
-    (x, y), _ = cv2.phaseCorrelate(*(plane - plane.mean() for plane in map(_filled, level[1:3])), window)
-    if abs(x) <= across and abs(y) <= down:
-        yield y, x
+        row, column = np.unravel_index(np.argmax(surface), shape)
+        yield float(rows[row]), float(columns[column])
+        surface[np.ix_(np.abs(rows - rows[row]) <= _APART, np.abs(columns - columns[column]) <= _APART)] = -np.inf
 
 
-def _filled(plane: FloatArray) -> FloatArray:
-    """The plane with clipped pixels as bright as the brightest of the others."""
-    known = np.isfinite(plane)
-    return np.where(known, plane, plane[known].max() if known.any() else 0)
-
-
-def _on_larger_copies(levels: list[_Level], motion: Motion) -> Motion:
-    """The motion on the last level from that on the first, where moving things do not count."""
+def _refined(levels: list[_Copies], motion: Motion) -> tuple[Motion, _Tiles, float]:
+    """The motion on the last copies from that on the first; the last measurement, and the estimated error, pixels of the last."""
     for level in levels:
-        if level is not levels[0]:
-            motion = motion.times(2)
-        motion = _correlated(level, motion, _tiles(level, motion).counted)
-        for _ in range(_MASKS):
-            motion, _e = _corrected(level, _tiles(level, motion), motion)
-    return motion
+        motion = motion if level is levels[0] else motion.times(2)
+        for _ in range(_STEPS):
+            tiles = level.tiles(motion)
+            motion, step, error = _corrected(level, motion, tiles)
+            if step < _STILL:
+                break
+    return motion, tiles, error
 
 
-def _correlated(level: _Level, motion: Motion, counted: BoolArray) -> Motion:
-    """The motion with the largest correlation coefficient. counted: which pixels of the reference do."""
-    import cv2
-
-    (height, width), centre = level.reference.shape, (np.array(level.reference.shape) - 1) / 2
-    turn, start = motion.affine((height, width))
-    warp = np.column_stack([turn[::-1, ::-1], start[::-1]]).astype(np.float32)  # of (x, y)
-    mask = cv2.warpAffine((counted & np.isfinite(level.reference)).astype(np.uint8), warp, (width, height), flags=cv2.INTER_NEAREST)
-    mask = cv2.erode(mask * np.isfinite(level.frame), np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    stop = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ITERATIONS, _STILL
-    try:
-        planes = _filled(level.reference), _filled(level.frame)
-        warp = cv2.findTransformECC(*planes, warp, cv2.MOTION_EUCLIDEAN, stop, mask, 1)[1]
-    except cv2.error:  # they do not correlate
-        return motion
-    turn, start = warp[::-1, 1::-1].astype(np.float64), warp[::-1, 2].astype(np.float64)
-    down, across = start - centre + turn @ centre
-    return Motion((float(down), float(across)), atan2(turn[1, 0], turn[0, 0])) if np.isfinite(warp).all() else motion
-
-
-class _Tiles(NamedTuple):
-    """A measurement; (R, C) tiles.
-
-    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
-    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
-        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
-    agreement: see `Alignment`. gain: how many times as bright the frame is.
-    counted: (H, W), pixels of the tiles that leave as little of the texture as most.
-    """
-
-    shifts: DoubleArray
-    information: DoubleArray
-    agreement: float
-    gain: float
-    counted: BoolArray
-
-
-def _without_border(plane: FloatArray) -> FloatArray:
-    """The plane with NaN at its border, which knows what lies beyond only mirrored."""
-    inside, found = np.s_[_BORDER:-_BORDER, _BORDER:-_BORDER], np.full_like(plane, np.nan)
-    found[inside] = plane[inside]
-    return found
-
-
-def _tiles(level: _Level, motion: Motion) -> _Tiles:
-    """Measure how the tiles lie, compared with a motion."""
-    import cv2
-
-    own, seen = _without_border(level.reference), displaced(_without_border(level.frame), motion)
-    height, width = own.shape
-    valid = np.isfinite(own + seen)
-    rows, columns = level.nodes
-    above, before = round(height / (2 * rows - 2)), round(width / (2 * columns - 2))  # half a tile
-    area = (height + 2 * above) * (width + 2 * before) / (rows * columns)
-
-    def sums(plane: FloatArray) -> DoubleArray:
-        whole = cv2.copyMakeBorder(plane, above, above, before, before, cv2.BORDER_CONSTANT, value=0)
-        return area * cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float64)
-
-    light, shown = (sums(np.where(valid, plane, 0)) for plane in (own, seen))
-    lit = (light > 0) & (shown > 0)
-    gain = float(np.median(shown[lit] / light[lit])) if lit.any() else 1.0
-    down, across = np.gradient(own)
-    valid &= np.isfinite(down + across)
-    planes = [np.where(valid, plane, np.float32(0)) for plane in (down, across, seen / np.float32(gain) - own, own)]
-    pixels = sums(valid.astype(np.float32))
-    number = np.maximum(pixels, 1)
-    means = [sums(plane) / number for plane in planes]
-
-    def products(i: int, j: int) -> DoubleArray:
-        return sums(planes[i] * planes[j]) - number * means[i] * means[j]
-
-    squares = np.stack([products(0, 0), products(0, 1), products(0, 1), products(1, 1)], axis=-1).reshape(*pixels.shape, 2, 2)
-    right, texture = np.stack([products(0, 2), products(1, 2)], axis=-1), np.maximum(products(3, 3), 0)
-    least = 1e-6 * float(np.square(planes[3]).mean()) + _TINY  # differences below it are rounding
-    shifts = -np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0]
-    rest = np.maximum(products(2, 2) + (right * shifts).sum(axis=-1), 0)
-    noise = rest / np.maximum(pixels - 3, 1) + least
-    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
-    chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
-    values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
-    information = (axes * (np.maximum(values, 0) / (noise * _SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
-
-    variances = level.views[0].variance(means[3]), level.views[1].variance(means[3] * gain) / gain**2
-    smooth = pixels / (_SPREAD * level.scale**2)
-    texture = np.maximum(texture - smooth * variances[0], 0)
-    differs = np.maximum(rest - smooth * (variances[0] + variances[1]), 0)
-    contrast = np.sqrt(texture / number)
-    weights = pixels * contrast / (contrast + max(float(contrast.mean()), _TINY))
-    share = np.clip(1 - differs / np.maximum(texture, _TINY), 0, 1)
-    odd = differs / (texture + smooth * (variances[0] + variances[1]) + _TINY)
-    usual = odd <= max(_ODD[0] * float(np.median(odd)), _ODD[1])
-    counted = cv2.resize(usual.astype(np.uint8), (width + 2 * before, height + 2 * above), interpolation=cv2.INTER_NEAREST) > 0
-    counted = counted[above : above + height, before : before + width]
-    return _Tiles(shifts, information, float((weights * share).sum() / max(weights.sum(), _TINY)), gain, counted)
-
-
-def _corrected(level: _Level, tiles: _Tiles, motion: Motion) -> tuple[Motion, float]:
-    """The motion corrected as most tiles agree, and the estimated error of the places in the frame, pixels of the copies."""
-    shape, size = tiles.shifts.shape[:2], level.reference.shape
-    middles = (np.linspace(-(side - 1) / 2, (side - 1) / 2, count) for count, side in zip(shape, size, strict=True))
-    arm = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1) @ motion.affine((size[0], size[1]))[0].T
-    jacobian = np.zeros((*shape, 2, 3))
+def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> tuple[Motion, float, float]:
+    """The motion corrected as most tiles agree, by how much, and its estimated error, pixels of the copies."""
+    shape = level.reference.shape[0], level.reference.shape[1]
+    places = (np.linspace(-(size - 1) / 2, (size - 1) / 2, count) for size, count in zip(shape, level.nodes, strict=True))
+    arm = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1) @ motion.affine(shape)[0].T
+    length = float(np.square(arm).sum(axis=-1).mean()) ** 0.5 + TINY
+    jacobian = np.zeros((*level.nodes, 2, 3))  # of down and across, by a shift and by the turn that moves tiles by a pixel
     jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1
-    jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1], arm[..., 0]
-    certain = _certain(tiles)
-    turned = np.square(arm).sum(axis=-1).mean()
-    known, weights = np.diag([1e-6, 1e-6, 1e-6 * (turned + 1)]), np.ones(shape)  # where nothing is known: no correction
-    for _ in range(_ROUNDS):
-        matrix = known + np.einsum("ab,abip,abij,abjq->pq", weights, jacobian, certain, jacobian, optimize=True)
-        step = np.linalg.solve(matrix, np.einsum("ab,abip,abij,abj->p", weights, jacobian, certain, tiles.shifts, optimize=True))
-        far = _squared(tiles.shifts - jacobian @ step, certain)
+    jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1] / length, arm[..., 0] / length
+    matrices = np.swapaxes(jacobian, -1, -2) @ tiles.information
+    squares, right = matrices @ jacobian, (matrices @ tiles.shifts[..., None])[..., 0]
+    weights = np.ones(level.nodes)
+    for _ in range(_FITS):
+        matrix = np.einsum("ab,abpq->pq", weights, squares) + 1e-6 * np.eye(3)  # where nothing is known: no correction
+        step = np.linalg.solve(matrix, np.einsum("ab,abp->p", weights, right))
+        far = _squared(tiles.shifts - jacobian @ step, tiles.information)
         weights = _counts(far)
-    covariance = np.linalg.inv(matrix) * max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
-    error = float(np.sqrt(covariance[0, 0] + covariance[1, 1] + covariance[2, 2] * turned))
-    return Motion((motion.shift[0] + step[0], motion.shift[1] + step[1]), motion.angle + float(step[2])), error
+    scatter = max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
+    error = float(np.trace(np.linalg.inv(matrix)) * scatter) ** 0.5
+    shift = motion.shift[0] + float(step[0]), motion.shift[1] + float(step[1])
+    return Motion(shift, motion.angle + float(step[2]) / length), float(np.abs(step).sum()), error
 
 
-def _with_local_shifts(levels: list[_Level], motion: Motion) -> Motion:
-    """The motion with local shifts, where the tiles agree on some. levels: the coarser one first; the motion is one on the last.
+def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
+    """Local shifts of the nodes of the last copies, (R, C, 2), pixels of them: 0 where the tiles do not agree on others.
 
     Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
     """
-    local = np.zeros((*levels[-1].nodes, 2))
-    for level in levels * _LOCAL_ROUNDS:
+    local = np.zeros((*levels[-1].nodes, 2), np.float32)
+    for level in levels * 2:
         part = levels[-1].scale / level.scale
-        tiles = _tiles(level, replace(motion, local=local.astype(np.float32)).times(part))
-        shifts, certain = tiles.shifts + part * local, _certain(tiles)
-        weights = np.ones(level.nodes)
-        for _ in range(_LOCAL_FITS):
-            field = _smooth(shifts, certain * weights[..., None, None])
-            weights = _counts(_squared(shifts - field, certain))
+        tiles = level.tiles(replace(motion, local=local).times(part))
+        shifts, information = tiles.shifts + part * local, tiles.information
+        weights = _counts(_squared(shifts - _shared(shifts, information), information))
         odd = np.indices(level.nodes).sum(axis=0) % 2
-        halves = [_smooth(shifts, certain * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
-        vague = np.eye(2) / _VAGUE**2
-        freedom = np.trace(np.linalg.solve(certain + vague, certain), axis1=2, axis2=3)  # 2, less where there is little texture
-        without, left = (weights * _squared(rest, certain) for rest in (shifts, shifts - np.where(odd[..., None], *halves)))
+        halves = [_shared(shifts, information * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
+        without, left = (weights * _squared(each, information) for each in (shifts, shifts - np.where(odd[..., None], *halves)))
+        freedom = np.trace(np.linalg.solve(information + np.eye(2) / _VAGUE**2, information), axis1=2, axis2=3)  # 2 at most
         won, most = without - left, without + weights * freedom
-        if won.sum() <= _LEAST * most.sum():
-            return motion  # some windows out of many would agree by chance
-        share = _window(won) / np.maximum(_window(most), _TINY)
-        local = field * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None] / part
-    return replace(motion, local=local.astype(np.float32)) if local.any() else motion
+        share = smoothed(won, _WINDOW) / (smoothed(most, _WINDOW) + TINY) if won.sum() > _LEAST * most.sum() else np.zeros_like(won)
+        field = _shared(shifts, information * weights[..., None, None])
+        local = (field / part * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None]).astype(np.float32)
+    return local
 
 
-def _certain(tiles: _Tiles) -> DoubleArray:
-    """The tiles' information, with an error of `_FLOOR` added to each."""
-    return np.asarray(np.linalg.solve(np.eye(2) + _FLOOR**2 * tiles.information, tiles.information), np.float64)
+def _shared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
+    """The shifts that the tiles around each node agree on most."""
+    right = (information @ shifts[..., None])[..., 0]
+    near = np.moveaxis(smoothed(np.moveaxis(right, 2, 0), _NEAR), 0, 2)
+    total = np.moveaxis(smoothed(np.moveaxis(information, (2, 3), (0, 1)), _NEAR), (0, 1), (2, 3))
+    return np.asarray(np.linalg.solve(total + 1e-3 * np.eye(2), near[..., None])[..., 0], np.float64)
 
 
 def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
@@ -335,23 +281,3 @@ def _counts(far: DoubleArray) -> DoubleArray:
     """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
     limit = max(_FAR, 4 * float(np.median(far)))
     return (limit / (limit + far)) ** 2
-
-
-def _smooth(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
-    """The shifts that fit the tiles' and differ little from node to node."""
-    from scipy import sparse
-    from scipy.sparse.linalg import spsolve
-
-    count = shifts.shape[0] * shifts.shape[1]
-    rows, columns = (sparse.diags([-1.0, 1.0], [0, 1], (size - 1, size)) for size in shifts.shape[:2])
-    down, across = sparse.kron(rows, sparse.eye(shifts.shape[1])), sparse.kron(sparse.eye(shifts.shape[0]), columns)
-    tie = sparse.kron(down.T @ down + across.T @ across, sparse.eye(2) / _STEP**2)
-    own = sparse.bsr_matrix((information.reshape(count, 2, 2), np.arange(count), np.arange(count + 1)))
-    right = np.einsum("abij,abj->abi", information, shifts).ravel()
-    return np.asarray(spsolve((tie + own + _WEAK * sparse.eye(2 * count)).tocsc(), right), np.float64).reshape(shifts.shape)
-
-
-def _window(values: DoubleArray) -> DoubleArray:
-    """Sums over the window around each node, and a little of the sum over all: what decides where a window holds no texture."""
-    size = 2 * _NEAR + 1
-    return size**2 * uniform_filter(values, size, mode="constant") + _OVERALL * values.sum()
