@@ -9,8 +9,8 @@ import pytest
 from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
-from offline.burst.render import MergedLuminance, denoised
 from offline.burst.colour import relit_sites
+from offline.burst.render import MergedLuminance, denoised
 from offline.cleaned import Cleaned
 from offline.kernels.spreading import TOLERANCE
 from offline.whole.denoising import denoise_luminance
