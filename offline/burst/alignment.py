@@ -73,21 +73,19 @@ def align(reference: View, frame: View) -> Alignment:
     small = [copy for copy in copies if max(copy.reference.shape) <= _CORRELATED] or copies[:1]
     scale = small[-1].scale / small[0].scale
     tried = [_refined(small, Motion(shift).times(scale)) for shift in _shifts(small[-1])]
-    motion, tiles, error = max(tried, key=lambda each: each[1].agreement)
-    if copies[len(small) :]:
-        motion, tiles, error = _refined(copies[len(small) :], motion.times(2))
+    best = max(tried, key=lambda fit: fit.tiles.agreement)
+    best = _refined(copies[len(small) :], best.motion.times(2)) if copies[len(small) :] else best
     scale = copies[-1].scale
-    if not error * scale <= _MOST_ERROR:
+    if not best.error * scale <= _MOST_ERROR:
         raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
-    local = _local_shifts(copies[-2:], motion)
+    motion, agreement, local = best.motion, best.tiles.agreement, _local_shifts(copies[-2:], best.motion)
     if local.any():
         motion = replace(motion, local=local)
-        tiles = max(tiles, copies[-1].tiles(motion), key=lambda each: each.agreement)
-    agreement = tiles.agreement
+        agreement = max(agreement, copies[-1].tiles(motion).agreement)
     if agreement < _LEAST_AGREEMENT:
         share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
         raise InputError(f"another scene, or too little texture: {share}")
-    return Alignment(motion.times(scale), tiles.gain, error * scale, agreement)
+    return Alignment(motion.times(scale), best.tiles.gain, best.error * scale, agreement)
 
 
 class _Tiles(NamedTuple):
@@ -105,6 +103,14 @@ class _Tiles(NamedTuple):
     agreement: float
 
 
+class _Fit(NamedTuple):
+    """A motion, the last measurement of tiles, and the estimated error; pixels of the copies."""
+
+    motion: Motion
+    tiles: _Tiles
+    error: float
+
+
 class _Copies(NamedTuple):
     """Smaller, smooth copies of both planes; NaN at the border, and where a sample is clipped.
 
@@ -119,25 +125,25 @@ class _Copies(NamedTuple):
 
     def tiles(self, motion: Motion) -> _Tiles:
         """Measure how the tiles lie, compared with a motion."""
+        down, across, light, difference = range(4)
         planes = np.stack([*np.gradient(self.reference), self.reference, displaced(self.frame, motion)])
         known = np.isfinite(planes).all(axis=0)
         planes[:, ~known] = 0
-        pixels = self.around(known)
-        number = np.maximum(pixels, 1)
-        light, shown = self.around(planes[2:])
-        lit = (light > 0) & (shown > 0)
-        gain = float(np.median(shown[lit] / light[lit])) if lit.any() else 1.0
-        planes[3] = planes[3] / np.float32(gain) - planes[2]
+        pixels, own, other = self.around(known), self.around(planes[light]), self.around(planes[difference])
+        lit, number = (own > 0) & (other > 0), np.maximum(pixels, 1)
+        gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
+        planes[difference] = planes[difference] / np.float32(gain) - planes[light]
         means = self.around(planes) / number
-        least = 1e-6 * float(np.square(planes[2]).mean()) + TINY  # differences below it are rounding
-        yy, yx, xx, ye, xe, rr, ee = (
-            self.around(planes[i] * planes[j]) - number * means[i] * means[j]
-            for i, j in ((0, 0), (0, 1), (1, 1), (0, 3), (1, 3), (2, 2), (3, 3))
-        )
-        squares = np.stack([yy, yx, yx, xx], axis=-1).reshape(*self.nodes, 2, 2)
-        right = np.stack([ye, xe], axis=-1)
-        shifts = -np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0]
-        rest = np.maximum(ee + (right * shifts).sum(axis=-1), 0)
+        least = 1e-6 * float(np.square(planes[light]).mean()) + TINY  # differences below it are rounding
+
+        def products(one: int, other: int) -> DoubleArray:
+            return self.around(planes[one] * planes[other]) - number * means[one] * means[other]
+
+        yx = products(down, across)
+        squares = np.stack([products(down, down), yx, yx, products(across, across)], axis=-1).reshape(*self.nodes, 2, 2)
+        right = np.stack([products(down, difference), products(across, difference)], axis=-1)
+        shifts = -np.asarray(np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0], np.float64)
+        rest = np.maximum(products(difference, difference) + (right * shifts).sum(axis=-1), 0)
         noise = rest / np.maximum(pixels - 3, 1) + least
         # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
         chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
@@ -147,8 +153,9 @@ class _Copies(NamedTuple):
         information = (axes * information[..., None, :]) @ np.swapaxes(axes, -1, -2)
 
         smooth = pixels / (_SPREAD * self.scale**2)
-        own, other = (smooth * view.variance(level) for view, level in zip(self.views, (means[2], means[2] * gain), strict=True))
-        texture, differs = np.maximum(rr - own, 0), np.maximum(rest - own - other / gain**2, 0)
+        first, second = (smooth * view.variance(means[light] * factor) for view, factor in zip(self.views, (1, gain), strict=True))
+        texture = np.maximum(products(light, light) - first, 0)
+        differs = np.maximum(rest - first - second / gain**2, 0)
         contrast = np.sqrt(texture / number)
         weights = pixels * contrast / (contrast + max(float(contrast.mean()), TINY))
         share = np.clip(1 - differs / np.maximum(texture, TINY), 0, 1)  # of the texture, beyond noise, that the frame shows too
@@ -207,20 +214,20 @@ def _shifts(copies: _Copies) -> Iterator[tuple[float, float]]:
         surface[np.ix_(np.abs(rows - rows[row]) <= _APART, np.abs(columns - columns[column]) <= _APART)] = -np.inf
 
 
-def _refined(levels: list[_Copies], motion: Motion) -> tuple[Motion, _Tiles, float]:
-    """The motion on the last copies from that on the first; the last measurement, and the estimated error, pixels of the last."""
+def _refined(levels: list[_Copies], motion: Motion) -> _Fit:
+    """The motion on the last copies from that on the first."""
     for level in levels:
         motion = motion if level is levels[0] else motion.times(2)
         for _ in range(_STEPS):
-            tiles = level.tiles(motion)
-            motion, step, error = _corrected(level, motion, tiles)
-            if step < _STILL:
+            before, fit = motion, _corrected(level, motion, level.tiles(motion))
+            motion, moved = fit.motion, np.hypot(*np.subtract(fit.motion.shift, before.shift))
+            if moved + abs(motion.angle - before.angle) * np.hypot(*level.reference.shape) / 2 < _STILL:
                 break
-    return motion, tiles, error
+    return fit
 
 
-def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> tuple[Motion, float, float]:
-    """The motion corrected as most tiles agree, by how much, and its estimated error, pixels of the copies."""
+def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> _Fit:
+    """The motion corrected as most tiles agree."""
     shape = level.reference.shape[0], level.reference.shape[1]
     places = (np.linspace(-(size - 1) / 2, (size - 1) / 2, count) for size, count in zip(shape, level.nodes, strict=True))
     arm = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1) @ motion.affine(shape)[0].T
@@ -239,7 +246,7 @@ def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> tuple[Motion, f
     scatter = max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
     error = float(np.trace(np.linalg.inv(matrix)) * scatter) ** 0.5
     shift = motion.shift[0] + float(step[0]), motion.shift[1] + float(step[1])
-    return Motion(shift, motion.angle + float(step[2]) / length), float(np.abs(step).sum()), error
+    return _Fit(Motion(shift, motion.angle + float(step[2]) / length), tiles, error)
 
 
 def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
@@ -255,7 +262,7 @@ def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
         weights = _counts(_squared(shifts - _shared(shifts, information), information))
         odd = np.indices(level.nodes).sum(axis=0) % 2
         halves = [_shared(shifts, information * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
-        without, left = (weights * _squared(each, information) for each in (shifts, shifts - np.where(odd[..., None], *halves)))
+        without, left = (weights * _squared(rest, information) for rest in (shifts, shifts - np.where(odd[..., None], *halves)))
         freedom = np.trace(np.linalg.solve(information + np.eye(2) / _VAGUE**2, information), axis1=2, axis2=3)  # 2 at most
         won, most = without - left, without + weights * freedom
         share = smoothed(won, _WINDOW) / (smoothed(most, _WINDOW) + TINY) if won.sum() > _LEAST * most.sum() else np.zeros_like(won)

@@ -60,12 +60,12 @@ class ColourSamples:
     def of(cls, kept: Sequence[Kept], light: FloatArray, weight: FloatArray, sites: Sites) -> "ColourSamples":
         """The colour samples of all frames that lie in the reference. light, weight: from `merge`. sites: of the reference."""
         parts = []
-        for each, lights, weights in zip(kept, light, weight, strict=True):
-            used, noise = weights > 0, each.frame.noise
+        for kept_frame, lights, weights in zip(kept, light, weight, strict=True):
+            used, noise = weights > 0, kept_frame.frame.noise
             rows, columns = (place[used] for place in sites.pixels)
-            places = np.stack(each.motion.back(rows, columns, sites.grid.frame), axis=1)
+            places = np.stack(kept_frame.motion.back(rows, columns, sites.grid.frame), axis=1)
             channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
-            values = each.frame.colours[used]
+            values = kept_frame.frame.colours[used]
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
             parts.append(cls(places, channels, values, lights[used], variance, weights[used], own=0))
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}

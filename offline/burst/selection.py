@@ -87,10 +87,10 @@ class Reference:
         judged = Judged(motion=motion)
         if motion is None:
             try:
-                found = align(self.frame, frame)
+                aligned = align(self.frame, frame)
             except InputError as error:
                 return Judged(str(error)), None
-            motion, judged = found.motion, Judged(motion=found.motion, gain=found.gain, error=found.error)
+            motion, judged = aligned.motion, Judged(motion=aligned.motion, gain=aligned.gain, error=aligned.error)
         frame = frame.in_units_of_reference(judged.gain)
         light = displaced(frame.luminance, motion)
         seen = np.isfinite(light) & (light < frame.limit) & (self.frame.luminance < self.frame.limit)

@@ -112,6 +112,7 @@ def unusable() -> Iterator[tuple[str, FloatArray, FloatArray, str]]:
     _, x = pixels()
     stripes = np.sin(x / 3).astype(np.float32) + 2
     yield "size", REFERENCE, REFERENCE[:-2], "210 x 148 pixels, expected 210 x 150 like the reference"
+    yield "tiny", REFERENCE[:4, :40], REFERENCE[:4, :40], "40 x 4 pixels are too few to be aligned"
     yield "flat", flat, flat, "too little texture"
     yield "flat, with noise", noisy(flat, 0), noisy(flat, 1), "too little texture"
     yield "stripes", noisy(stripes, 0), noisy(stripes, 1), "too little texture"

@@ -51,8 +51,9 @@ def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -
     def slope(y: DoubleArray, x: DoubleArray) -> DoubleArray:
         return 1 + 0.02 * y - 0.01 * x
 
-    places = [motion.back(*np.indices(SHAPE).astype(np.float32), SHAPE) for motion in MOTIONS]
-    planes = np.array([slope(*place) for place in places], np.float32)
+    rows, columns = np.indices(SHAPE).astype(np.float32)
+    places = [[place.astype(np.float64) for place in motion.back(rows, columns, SHAPE)] for motion in MOTIONS]
+    planes = np.array([slope(*place) for place in places]).astype(np.float32)
     agreement = np.random.default_rng(1).choice(np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7])
     agreement[0] = 255
     out, variance, light_at, weight = merged(planes, agreement, np.array(noise, np.float64))
