@@ -31,6 +31,7 @@ _TILE, _COARSE_TILE = 32, 16  # pixels of the largest copy, and of smaller ones
 _FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
 _FAR, _FITS = 9.0, 12  # squared deviations, of their variance, from which on a tile counts clearly less; rounds that find them
 _STEPS, _STILL = 8, 1e-2  # corrections on each copy at most, until one is smaller, pixels of the copy
+_LOCAL_STEPS = 2  # measurements of local shifts on each of the two largest copies
 _NEAR, _WINDOW = 0.7, 2.0  # nodes: standard deviations of neighbourhoods that share local shifts, and in which these are judged
 _VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
 _LOST, _WON = 0.4, 0.7  # share of squared deviations that local shifts must explain to be taken at all, and in full
@@ -255,7 +256,7 @@ def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
     Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
     """
     local = np.zeros((*levels[-1].nodes, 2), np.float32)
-    for level in levels * 2:
+    for level in [level for level in levels for _ in range(_LOCAL_STEPS)]:
         part = levels[-1].scale / level.scale
         tiles = level.tiles(replace(motion, local=local).times(part))
         shifts, information = tiles.shifts + part * local, tiles.information
@@ -268,6 +269,8 @@ def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
         share = smoothed(won, _WINDOW) / (smoothed(most, _WINDOW) + TINY) if won.sum() > _LEAST * most.sum() else np.zeros_like(won)
         field = _shared(shifts, information * weights[..., None, None])
         local = (field / part * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None]).astype(np.float32)
+        if not local.any():
+            break  # nor would the next measurement find any
     return local
 
 
