@@ -4,10 +4,9 @@ from shared.motion import Motion
 
 from ..memory import burst_memory
 from .alignment import Alignment, align
-from .copies import copies
 from .frames import View
-from .judging import Judged
 from .render import MergedBurst, merge_burst, render_burst_bands
+from .selection import Judged, copies
 
 __all__ = [
     "Alignment",

@@ -1,32 +1,41 @@
 """Find how a frame of a hand-held series lies against the reference, from their luminance.
 
-Coarse to fine: phase correlation finds the shift of small copies of both planes. On each larger copy, every tile then says how far
-its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The shift and rotation in
-which most tiles agree correct the motion, so that moving things do not pull it. Where neighbouring tiles agree on something else
-(parallax), the motion gets local shifts.
+Coarse to fine: phase correlation finds the shift of small copies of both planes (Kuglin and Hines 1975). On each larger copy, every
+tile then says how far its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The
+shift and rotation in which most tiles agree correct the motion, so that moving things do not pull it. Where neighbouring tiles
+agree on something else (parallax), the motion gets local shifts.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.motion import Motion
 
-from . import fits
-from .frames import View
-from .tiles import SPREAD, Level, Tiles, levels, measure
+from ..gaussian import smoothed
+from .frames import DEVIATIONS, TINY, View, displaced
 
-# Chosen on drawn scenes: half and twice change the picture by 0.01 dB at most, or as said. `python -m tests.benchmarks.alignment`
-# measures on photographs.
-_CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less
-_PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
+# Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
+_BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
+_SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
+_STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
+_LARGEST, _SMALLEST = 1_500_000, 24  # pixels: larger planes are compared at half their size; shorter side of the smallest copy
+_CORRELATED, _PEAKS, _APART = 128, 3, 3  # pixels: longer side of correlated copies; shifts that are tried, pixels between them
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = 32, 16  # pixels of a level: on the last level of a search, on those before (0.8, 0.0 dB with parallax)
-_ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
+_BORDER = 1  # pixels of a copy that know what lies beyond it only mirrored
+_TILE, _COARSE_TILE = 32, 16  # pixels of the largest copy, and of smaller ones
+_FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
+_FAR, _FITS = 9.0, 12  # squared deviations, of their variance, from which on a tile counts clearly less; rounds that find them
+_STEPS, _STILL = 8, 1e-2  # corrections on each copy at most, until one is smaller, pixels of the copy
+_LOCAL_STEPS = 2  # measurements of local shifts on each of the two largest copies
+_NEAR, _WINDOW = 0.7, 2.0  # nodes: standard deviations of neighbourhoods that share local shifts, and in which these are judged
+_VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
+_LOST, _WON = 0.4, 0.7  # share of squared deviations that local shifts must explain to be taken at all, and in full
+_LEAST = 0.2  # that share of all
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
 _MOST_ERROR = 0.5  # pixels
 
@@ -55,40 +64,145 @@ def align(reference: View, frame: View) -> Alignment:
 
     Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
     """
-    planes = reference.luminance, frame.luminance
-    if planes[0].shape != planes[1].shape:
-        sizes = ["{1} x {0}".format(*plane.shape) for plane in planes[::-1]]
+    shapes = reference.luminance.shape, frame.luminance.shape
+    if shapes[0] != shapes[1]:
+        sizes = ["{1} x {0}".format(*shape) for shape in shapes[::-1]]
         raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference")
-    pyramid = levels(_unclipped(reference), _unclipped(frame))
-    first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
-    coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
-    tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
-    motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], reference, frame))
-    motion, tiles, error = _refined(fine, motion, tiles.gain)
-    agreement = _agreement(pyramid[0], tiles, reference, frame)
-    if not error <= _MOST_ERROR:
+    if min(shapes[0]) < _SMALLEST // 2:
+        raise InputError(f"{shapes[0][1]} x {shapes[0][0]} pixels are too few to be aligned")
+    copies = list(_copies(reference, frame))[::-1]
+    small = [copy for copy in copies if max(copy.reference.shape) <= _CORRELATED] or copies[:1]
+    scale = small[-1].scale / small[0].scale
+    tried = [_refined(small, Motion(shift).times(scale)) for shift in _shifts(small[-1])]
+    best = max(tried, key=lambda fit: fit.tiles.agreement)
+    best = _refined(copies[len(small) :], best.motion.times(2)) if copies[len(small) :] else best
+    scale = copies[-1].scale
+    if not best.error * scale <= _MOST_ERROR:
         raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
-    motion, tiles = _with_local_shifts(pyramid[:_LOCAL_LEVELS], motion, tiles)
-    agreement = max(agreement, _agreement(pyramid[0], tiles, reference, frame))
+    motion, agreement, local = best.motion, best.tiles.agreement, _local_shifts(copies[-2:], best.motion)
+    if local.any():
+        motion = replace(motion, local=local)
+        agreement = max(agreement, copies[-1].tiles(motion).agreement)
     if agreement < _LEAST_AGREEMENT:
         share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
         raise InputError(f"another scene, or too little texture: {share}")
-    return Alignment(motion, tiles.gain, error, agreement)
+    return Alignment(motion.times(scale), best.tiles.gain, best.error * scale, agreement)
 
 
-def _unclipped(view: View) -> FloatArray:
-    """Luminance with NaN at its clipped pixels."""
-    return np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) if view.limit < np.inf else view.luminance
+class _Tiles(NamedTuple):
+    """A measurement of the tiles around (R, C) nodes, which lie evenly from the first pixel to the last.
+
+    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
+    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
+        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
+    gain: how many times as bright the frame is. agreement: see `Alignment`.
+    """
+
+    shifts: DoubleArray
+    information: DoubleArray
+    gain: float
+    agreement: float
 
 
-def _shifts(level: Level) -> Iterator[tuple[float, float]]:
-    """The most probable shifts by phase correlation (Kuglin and Hines 1975), pixels of the frame."""
-    shape = level.frame.shape
+class _Fit(NamedTuple):
+    """A motion, the last measurement of tiles, and the estimated error; pixels of the copies."""
+
+    motion: Motion
+    tiles: _Tiles
+    error: float
+
+
+class _Copies(NamedTuple):
+    """Smaller, smooth copies of both planes; NaN at the border, and where a sample is clipped.
+
+    scale: pixels of the frame per pixel. nodes: of its tiles. views: of the frames, for their noise.
+    """
+
+    scale: int
+    reference: FloatArray
+    frame: FloatArray
+    nodes: tuple[int, int]
+    views: tuple[View, View]
+
+    def tiles(self, motion: Motion) -> _Tiles:
+        """Measure how the tiles lie, compared with a motion."""
+        down, across, light, difference = range(4)
+        planes = np.stack([*np.gradient(self.reference), self.reference, displaced(self.frame, motion)])
+        known = np.isfinite(planes).all(axis=0)
+        planes[:, ~known] = 0
+        pixels, own, other = self.around(known), self.around(planes[light]), self.around(planes[difference])
+        lit, number = (own > 0) & (other > 0), np.maximum(pixels, 1)
+        gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
+        planes[difference] = planes[difference] / np.float32(gain) - planes[light]
+        means = self.around(planes) / number
+        least = 1e-6 * float(np.square(planes[light]).mean()) + TINY  # differences below it are rounding
+
+        def products(one: int, other: int) -> DoubleArray:
+            return self.around(planes[one] * planes[other]) - number * means[one] * means[other]
+
+        yx = products(down, across)
+        squares = np.stack([products(down, down), yx, yx, products(across, across)], axis=-1).reshape(*self.nodes, 2, 2)
+        right = np.stack([products(down, difference), products(across, difference)], axis=-1)
+        shifts = -np.asarray(np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0], np.float64)
+        rest = np.maximum(products(difference, difference) + (right * shifts).sum(axis=-1), 0)
+        noise = rest / np.maximum(pixels - 3, 1) + least
+        # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+        chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
+        values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
+        information = np.maximum(values, 0) / (noise * _SPREAD)[..., None]
+        information /= 1 + _FLOOR**2 * information
+        information = (axes * information[..., None, :]) @ np.swapaxes(axes, -1, -2)
+
+        smooth = pixels / (_SPREAD * self.scale**2)
+        first, second = (smooth * view.variance(means[light] * factor) for view, factor in zip(self.views, (1, gain), strict=True))
+        texture = np.maximum(products(light, light) - first, 0)
+        differs = np.maximum(rest - first - second / gain**2, 0)
+        contrast = np.sqrt(texture / number)
+        weights = pixels * contrast / (contrast + max(float(contrast.mean()), TINY))
+        share = np.clip(1 - differs / np.maximum(texture, TINY), 0, 1)  # of the texture, beyond noise, that the frame shows too
+        return _Tiles(shifts, information, gain, float((weights * share).sum() / max(weights.sum(), TINY)))
+
+    def around(self, planes: FloatArray | BoolArray) -> DoubleArray:
+        """Sums of planes (..., H, W) over the pixels nearest to each node."""
+        sums = planes.astype(np.float32, copy=False)
+        for axis, count in zip((-2, -1), self.nodes, strict=True):
+            middles = (np.arange(count - 1) + 0.5) * ((planes.shape[axis] - 1) / (count - 1))
+            sums = np.add.reduceat(sums, np.r_[0, np.ceil(middles).astype(np.intp)], axis)
+        return sums.astype(np.float64)
+
+
+def _copies(*views: View) -> Iterator[_Copies]:
+    """Smaller and smaller copies."""
+    planes = [np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) for view in views]
+    planes, scale = ([_halved(plane) for plane in planes], 2) if planes[0].size > _LARGEST else (planes, 1)
+    inside, shape, whole = np.s_[_BORDER:-_BORDER, _BORDER:-_BORDER], planes[0].shape, scale
+    while True:
+        smooth = [np.full_like(plane, np.nan) for plane in planes]
+        for copy, plane in zip(smooth, planes, strict=True):
+            copy[inside] = smoothed(plane, _BLUR)[inside]
+        tile = _TILE if scale == whole else _COARSE_TILE * scale / whole
+        nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
+        yield _Copies(scale, smooth[0], smooth[1], nodes, (views[0], views[1]))
+        if min(planes[0].shape) < 2 * _SMALLEST:
+            return
+        planes, scale = [_halved(plane) for plane in planes], 2 * scale
+
+
+def _halved(plane: FloatArray) -> FloatArray:
+    """Means of 2 x 2 pixels."""
+    height, width = (size // 2 * 2 for size in plane.shape)
+    rows = plane[:height:2, :width] + plane[1:height:2, :width]
+    return np.float32(0.25) * (rows[:, ::2] + rows[:, 1::2])
+
+
+def _shifts(copies: _Copies) -> Iterator[tuple[float, float]]:
+    """The most probable shifts, pixels of the copies."""
+    shape = copies.frame.shape
     window = np.outer(*(np.hanning(size + 2)[1:-1] for size in shape))
-    planes = [np.nan_to_num(plane - np.nanmean(plane)) if np.isfinite(plane).any() else 0 * window for plane in level[2:]]
-    spectra = [np.fft.rfft2(plane * window) for plane in planes]
+    planes = [np.ma.masked_invalid(plane) for plane in (copies.reference, copies.frame)]
+    spectra = [np.fft.rfft2((plane - plane.mean()).filled(0) * window) for plane in planes]
     cross = np.conj(spectra[0]) * spectra[1]
-    cross /= np.maximum(np.abs(cross), 1e-3 * np.abs(cross).mean() + np.finfo(np.float64).tiny)
+    cross /= np.maximum(np.abs(cross), 1e-3 * np.abs(cross).mean() + TINY)
     y, x = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
     surface = np.fft.irfft2(cross * np.exp(-2 * np.pi**2 * (y**2 + x**2)), shape)  # a Gaussian of one pixel
     rows, columns = (np.rint(np.fft.fftfreq(size) * size) for size in shape)
@@ -97,58 +211,83 @@ def _shifts(level: Level) -> Iterator[tuple[float, float]]:
     yield 0.0, 0.0  # a large thing that moves may have the highest peaks
     for _ in range(_PEAKS):
         row, column = np.unravel_index(np.argmax(surface), shape)
-        yield float(rows[row] * level.scale), float(columns[column] * level.scale)
+        yield float(rows[row]), float(columns[column])
         surface[np.ix_(np.abs(rows - rows[row]) <= _APART, np.abs(columns - columns[column]) <= _APART)] = -np.inf
 
 
-def _brightness(level: Level) -> float:
-    """About how many times as bright as the reference the frame is."""
-    both = np.isfinite(level.reference + level.frame)
-    means = [float(plane[both].mean()) if both.any() else 0.0 for plane in level[2:]]
-    return means[1] / means[0] if min(means) > 0 else 1.0
-
-
-def _nodes(level: Level, tile: int) -> tuple[int, int]:
-    rows, columns = (max(round(size / (tile * level.scale)) + 1, 2) for size in level.shape)
-    return rows, columns
-
-
-def _refined(pyramid: list[Level], motion: Motion, gain: float) -> tuple[Motion, Tiles, float]:
-    """The motion corrected on one level after the other; the last measurement, and the estimated error in pixels."""
-    for level in pyramid:
-        nodes = _nodes(level, _TILE if level is pyramid[-1] else _COARSE_TILE)
-        for _ in range(_ROUNDS):
-            tiles = measure(level, nodes, motion, gain)
-            step, gain = fits.rigid(tiles, level.affine(motion)[0]), tiles.gain
-            down, across = (level.scale * step.shift).tolist()
-            motion = replace(motion, shift=(motion.shift[0] + down, motion.shift[1] + across), angle=motion.angle + step.angle)
-            if np.hypot(*step.shift) + abs(step.angle) * np.hypot(*level.frame.shape) / 2 < _STILL:
+def _refined(levels: list[_Copies], motion: Motion) -> _Fit:
+    """The motion on the last copies from that on the first."""
+    for level in levels:
+        motion = motion if level is levels[0] else motion.times(2)
+        for _ in range(_STEPS):
+            before, fit = motion, _corrected(level, motion, level.tiles(motion))
+            motion, moved = fit.motion, np.hypot(*np.subtract(fit.motion.shift, before.shift))
+            if moved + abs(motion.angle - before.angle) * np.hypot(*level.reference.shape) / 2 < _STILL:
                 break
-    return motion, tiles, level.scale * step.error
+    return fit
 
 
-def _with_local_shifts(pyramid: list[Level], motion: Motion, tiles: Tiles) -> tuple[Motion, Tiles]:
-    """The motion with local shifts, where there are any, and the last measurement."""
-    nodes = _nodes(pyramid[0], _TILE)
-    shifts = np.zeros((*nodes, 2))
-    for level in pyramid[::-1]:
-        for _ in range(_LOCAL_ROUNDS):
-            tiles = measure(level, nodes, motion, tiles.gain, shifts)
-            shifts = level.scale * fits.local(tiles, shifts / level.scale)
-        if not shifts.any():
-            break  # the finer levels would not find any either
-    if not shifts.any():
-        return motion, tiles
-    return replace(motion, local=shifts.astype(np.float32)), measure(pyramid[0], nodes, motion, tiles.gain, shifts)
+def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> _Fit:
+    """The motion corrected as most tiles agree."""
+    shape = level.reference.shape[0], level.reference.shape[1]
+    places = (np.linspace(-(size - 1) / 2, (size - 1) / 2, count) for size, count in zip(shape, level.nodes, strict=True))
+    arm = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1) @ motion.affine(shape)[0].T
+    length = float(np.square(arm).sum(axis=-1).mean()) ** 0.5 + TINY
+    jacobian = np.zeros((*level.nodes, 2, 3))  # of down and across, by a shift and by the turn that moves tiles by a pixel
+    jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1
+    jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1] / length, arm[..., 0] / length
+    matrices = np.swapaxes(jacobian, -1, -2) @ tiles.information
+    squares, right = matrices @ jacobian, (matrices @ tiles.shifts[..., None])[..., 0]
+    weights = np.ones(level.nodes)
+    for _ in range(_FITS):
+        matrix = np.einsum("ab,abpq->pq", weights, squares) + 1e-6 * np.eye(3)  # where nothing is known: no correction
+        step = np.linalg.solve(matrix, np.einsum("ab,abp->p", weights, right))
+        far = _squared(tiles.shifts - jacobian @ step, tiles.information)
+        weights = _counts(far)
+    scatter = max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
+    error = float(np.trace(np.linalg.inv(matrix)) * scatter) ** 0.5
+    shift = motion.shift[0] + float(step[0]), motion.shift[1] + float(step[1])
+    return _Fit(Motion(shift, motion.angle + float(step[2]) / length), tiles, error)
 
 
-def _agreement(level: Level, tiles: Tiles, reference: View, frame: View) -> float:
-    """The share of the reference's texture, beyond noise, that the frame shows too. Where there is little, it counts less."""
-    variance = reference.variance(tiles.light), frame.variance(tiles.light * tiles.gain) / tiles.gain**2
-    smooth = tiles.pixels / (SPREAD * level.scale**2)
-    texture = np.maximum(tiles.texture - smooth * variance[0], 0)
-    differs = np.maximum(tiles.rest - smooth * (variance[0] + variance[1]), 0)
-    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float32).tiny), 0, 1)
-    contrast = np.sqrt(texture / np.maximum(tiles.pixels, 1))
-    weights = tiles.pixels * contrast / (contrast + max(float(contrast.mean()), np.finfo(np.float32).tiny))
-    return float((weights * share).sum() / max(weights.sum(), np.finfo(np.float32).tiny))
+def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
+    """Local shifts of the nodes of the last copies, (R, C, 2), pixels of them: 0 where the tiles do not agree on others.
+
+    Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
+    """
+    local = np.zeros((*levels[-1].nodes, 2), np.float32)
+    for level in [level for level in levels for _ in range(_LOCAL_STEPS)]:
+        part = levels[-1].scale / level.scale
+        tiles = level.tiles(replace(motion, local=local).times(part))
+        shifts, information = tiles.shifts + part * local, tiles.information
+        weights = _counts(_squared(shifts - _shared(shifts, information), information))
+        odd = np.indices(level.nodes).sum(axis=0) % 2
+        halves = [_shared(shifts, information * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
+        without, left = (weights * _squared(rest, information) for rest in (shifts, shifts - np.where(odd[..., None], *halves)))
+        freedom = np.trace(np.linalg.solve(information + np.eye(2) / _VAGUE**2, information), axis1=2, axis2=3)  # 2 at most
+        won, most = without - left, without + weights * freedom
+        share = smoothed(won, _WINDOW) / (smoothed(most, _WINDOW) + TINY) if won.sum() > _LEAST * most.sum() else np.zeros_like(won)
+        field = _shared(shifts, information * weights[..., None, None])
+        local = (field / part * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None]).astype(np.float32)
+        if not local.any():
+            break  # nor would the next measurement find any
+    return local
+
+
+def _shared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
+    """The shifts that the tiles around each node agree on most."""
+    right = (information @ shifts[..., None])[..., 0]
+    near = np.moveaxis(smoothed(np.moveaxis(right, 2, 0), _NEAR), 0, 2)
+    total = np.moveaxis(smoothed(np.moveaxis(information, (2, 3), (0, 1)), _NEAR), (0, 1), (2, 3))
+    return np.asarray(np.linalg.solve(total + 1e-3 * np.eye(2), near[..., None])[..., 0], np.float64)
+
+
+def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
+    """Squared deviations in units of their variance: (R, C)."""
+    return np.einsum("abi,abij,abj->ab", shifts, information, shifts)
+
+
+def _counts(far: DoubleArray) -> DoubleArray:
+    """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
+    limit = max(_FAR, 4 * float(np.median(far)))
+    return (limit / (limit + far)) ** 2

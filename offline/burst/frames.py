@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
+from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
 from ..gaussian import gaussian, smoothed
+from ..kernels.merging import displace
 from ..settings import NoiseSettings, RenderSettings
 from ..whole.defects import mend_defects
 from ..whole.highlights import clipping_level
@@ -152,6 +154,21 @@ def limit_of(mosaic: Mosaic) -> float:
     """
     shading = mosaic.calibration.shading
     return clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
+
+
+def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
+    """Motions as the kernels take them."""
+    turns, starts = zip(*(motion.affine((shape[0], shape[1])) for motion in motions), strict=True)
+    nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
+    shifts = [motion.local if motion.local is not None else np.zeros(nodes) for motion in motions]
+    return np.array(turns), np.array(starts), np.array(shifts, np.float32)
+
+
+def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
+    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
+    found = np.empty(plane.shape, np.float32)
+    displace(plane, as_arrays([motion], plane.shape), found)
+    return found
 
 
 def tile_means(plane: FloatArray | BoolArray) -> FloatArray:

@@ -26,9 +26,9 @@ from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from ..whole.denoising import denoise_luminance
-from .copies import copies
-from .judging import Comparison, Judged, Kept, as_arrays, compared, displaced
-from .samples import ColourSamples, Spreading, alone_of, relit_sites
+from .colour import ColourSamples, Spreading, alone_of, relit_sites
+from .frames import as_arrays, displaced
+from .selection import Comparison, Judged, Kept, compared, copies
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,17 +144,14 @@ class MergedLuminance(NamedTuple):
 
 
 def merged_luminance(kept: list[Kept], reference: Cleaned) -> MergedLuminance:
-    """Merge the frames. kept: the reference first; luminance and agreement of each are taken out."""
+    """Merge the frames. kept: the reference first."""
     sites, shape = reference.sites, reference.mosaic.shape
     grid, pattern = sites.grid, sites.pattern
     panchromatic = pattern.panchromatic_mask(shape)
     places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
     noise = np.array([_panchromatic(each.frame.noise) for each in kept])
     motions = [each.motion for each in kept]
-    planes, agreements = np.empty((len(kept), *shape), np.float32), np.empty((len(kept), *shape), np.uint8)
-    for number, each in enumerate(kept):
-        planes[number], agreements[number] = each.frame.luminance, each.agreement
-        kept[number] = each.without_planes()  # one copy of each plane is enough
+    planes, agreements = np.stack([each.frame.luminance for each in kept]), np.stack([each.agreement for each in kept])
     unseen = _unseen(agreements, panchromatic, motions) if pattern.is_scattered else None
     merged, shares = np.empty(shape, np.float32), np.empty(shape, np.float32)
     light, weight = np.zeros((2, len(kept), *kept[0].frame.colours.shape), np.float32)

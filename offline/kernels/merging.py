@@ -76,10 +76,14 @@ def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> 
     plane: (H, W). motions: one.
     out: (H, W), written; NaN where the frame sees nothing.
     """
-    shape = 1, plane.shape[0], plane.shape[1]
+    shape, still = (1, plane.shape[0], plane.shape[1]), motions[2].shape[1] < 2
+    yy, yx, xy, xx = motions[0][0, 0, 0], motions[0][0, 0, 1], motions[0][0, 1, 0], motions[0][0, 1, 1]
+    first_y, first_x = motions[1][0, 0], motions[1][0, 1]
     for y in range(pieces[0], pieces[1]):
         for x in range(plane.shape[1]):
-            to_y, to_x = there(motions, 0, float(y), float(x), shape)
+            to_y, to_x = yy * y + yx * x + first_y, xy * y + xx * x + first_x
+            if not still:
+                to_y, to_x = there(motions, 0, float(y), float(x), shape)
             inside = -0.5 <= to_y < plane.shape[0] - 0.5 and -0.5 <= to_x < plane.shape[1] - 0.5
             out[y, x] = interpolated(plane, to_y, to_x) if inside else np.float32(np.nan)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.burst import Alignment, Motion, View, align, tiles
+from offline.burst import Alignment, Motion, View, align, alignment
 from offline.settings import BEST
 from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, SensorCalibration
@@ -55,7 +55,7 @@ def test_frames_of_any_size(shape: tuple[int, int]) -> None:
 
 
 def test_large_frames_are_compared_at_half_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiles, "_LARGEST", 10_000)
+    monkeypatch.setattr(alignment, "_LARGEST", 10_000)
     shape = (211, 304)
     assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 3 * BETWEEN
 
@@ -112,6 +112,7 @@ def unusable() -> Iterator[tuple[str, FloatArray, FloatArray, str]]:
     _, x = pixels()
     stripes = np.sin(x / 3).astype(np.float32) + 2
     yield "size", REFERENCE, REFERENCE[:-2], "210 x 148 pixels, expected 210 x 150 like the reference"
+    yield "tiny", REFERENCE[:4, :40], REFERENCE[:4, :40], "40 x 4 pixels are too few to be aligned"
     yield "flat", flat, flat, "too little texture"
     yield "flat, with noise", noisy(flat, 0), noisy(flat, 1), "too little texture"
     yield "stripes", noisy(stripes, 0), noisy(stripes, 1), "too little texture"

@@ -7,7 +7,7 @@ import pytest
 
 from offline import BEST, PAPER
 from offline.burst.frames import Frame, noise_models
-from offline.burst.judging import candidates_of
+from offline.burst.selection import candidates_of
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (300, 420), CfaPattern.bayer(6), SensorCalibration.of_bits(12)

@@ -9,14 +9,16 @@ import pytest
 from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
-from offline.burst.render import MergedLuminance, denoised
-from offline.burst.samples import relit_sites
+from offline.burst.colour import relit_sites
+from offline.burst.render import MergedLuminance, denoised, merged_luminance
+from offline.burst.selection import compared
 from offline.cleaned import Cleaned
 from offline.kernels.spreading import TOLERANCE
 from offline.whole.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
+from shared.progress import SILENT
 from shared.sensor import simulate_additive
 
 from .scenes import SHAPE, light
@@ -202,7 +204,7 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    monkeypatch.setattr("offline.burst.samples.report", lambda *_: None)
+    monkeypatch.setattr("offline.burst.colour.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
 
@@ -220,6 +222,12 @@ def test_luminance_is_denoised_by_what_merging_has_left_and_where_one_frame_is_a
     )
     for side, picture in zip((np.s_[:, :100], np.s_[:, 100:]), expected, strict=True):
         assert np.abs(found[side] - picture[side]).max() < 1e-6
+
+
+def test_merging_leaves_the_frames_as_they_are() -> None:
+    found = compared(shots(0.01, MOTIONS[:2]), STAGES, SILENT, 0, None)
+    first, second = (merged_luminance(found.kept, found.cleaned) for _ in range(2))
+    assert np.array_equal(first.luminance, second.luminance)
 
 
 def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:

@@ -1,26 +1,24 @@
-"""Choose the reference of a burst, and judge whether each frame fits it, and how far it agrees with it at each pixel."""
+"""Find the copies in a burst, choose its reference, and judge whether each frame fits it, and how far it agrees at each pixel."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
-from ..kernels.merging import displace
 from ..render import restored
 from ..settings import RenderSettings
 from ..whole.luminance import recover_luminance
 from .agreement import BlockColours, agreement, agreement_of, block_colours, colour_change, on_pixels, unclipped
 from .alignment import align
-from .frames import TINY, Frame, View, noise_models, prepared, tile_means
-from .tiles import weighted_median
+from .frames import TINY, Frame, View, displaced, noise_models, prepared, tile_means
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame
@@ -29,7 +27,6 @@ _DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise
 _UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
 _STRIP = 256
-_NOTHING: Any = np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +68,6 @@ class Kept:
     motion: Motion
     agreement: ByteArray
 
-    def without_planes(self) -> "Kept":
-        """The same without luminance and agreement."""
-        return replace(self, frame=replace(self.frame, luminance=_NOTHING), agreement=_NOTHING)
-
 
 @dataclass(frozen=True, eq=False)
 class Reference:
@@ -89,42 +82,66 @@ class Reference:
 
     def judge(self, shot: Mosaic, frame: Frame, motion: Motion | None) -> tuple[Judged, Kept | None]:
         """What to make of a frame, and what is merged of it; None = nothing. motion: how it lies against this one, where known."""
-        figures: dict[str, Any] = {"motion": motion}
-        try:
-            kept = self._kept(shot, frame, figures)
-        except InputError as error:
-            return Judged(str(error), **figures), None
-        return Judged(**figures), kept
-
-    def _kept(self, shot: Mosaic, frame: Frame, figures: dict[str, Any]) -> Kept:
-        """The frame as it is merged. Raises InputError if it is left out. figures: those of `Judged`, written."""
         if reason := misfit(shot, self.shot) or frame.empty:
-            raise InputError(reason)
-        base = self.frame
-        if figures["motion"] is None:
-            found = align(base, frame)
-            figures |= {"motion": found.motion, "gain": found.gain, "error": found.error}
-        motion, frame = figures["motion"], frame.in_units_of_reference(figures.get("gain", 1.0))
+            return Judged(reason, motion), None
+        judged = Judged(motion=motion)
+        if motion is None:
+            try:
+                aligned = align(self.frame, frame)
+            except InputError as error:
+                return Judged(str(error)), None
+            motion, judged = aligned.motion, Judged(motion=aligned.motion, gain=aligned.gain, error=aligned.error)
+        frame = frame.in_units_of_reference(judged.gain)
         light = displaced(frame.luminance, motion)
-        seen = np.isfinite(light) & (light < frame.limit) & (base.luminance < base.limit)
-        both = View(np.where(seen, light, base.luminance), frame.noise, frame.limit)
-        figures["sharpness"] = _sharpness(base, both, seen)
-        if figures["sharpness"] < _LEAST_SHARPNESS:
-            share = f"{100 * figures['sharpness']:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} %"
-            raise InputError(f"is out of focus or shaken: {share} must be there")
-        if (uneven := _unevenness(base, both, seen)) > _UNEVEN:
-            raise InputError(f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame")
+        seen = np.isfinite(light) & (light < frame.limit) & (self.frame.luminance < self.frame.limit)
+        both = View(np.where(seen, light, self.frame.luminance), frame.noise, frame.limit)
+        judged = replace(judged, sharpness=_sharpness(self.frame, both, seen))
+        if judged.sharpness < _LEAST_SHARPNESS:
+            share = f"{100 * judged.sharpness:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} %"
+            return replace(judged, reason=f"is out of focus or shaken: {share} must be there"), None
+        if (uneven := _unevenness(self.frame, both, seen)) > _UNEVEN:
+            return replace(judged, reason=f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"), None
+        agrees = self._agreement(frame, light, motion)
+        judged = replace(judged, agreement=float(agrees.mean()) / 255)
+        if judged.agreement < _LEAST_AGREEMENT:
+            return replace(judged, reason=f"only {100 * judged.agreement:.0f} % of it agrees with the reference"), None
+        return judged, Kept(frame, motion, agrees)
+
+    def _agreement(self, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:
+        """How far a frame agrees, by luminance and by the colours of its blocks. light: as the reference would see it."""
         mask = self.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
         measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
-        agrees = agreement(base, View(light, frame.noise, frame.limit), measured)
+        agrees = agreement(self.frame, View(light, frame.noise, frame.limit), measured)
         deviation = colour_change(self.colours, frame, motion, self.shot)
         for top in range(0, len(light), _STRIP):
             rows = slice(top, min(top + _STRIP, len(light)))
             agrees[rows] = np.rint(agrees[rows] * agreement_of(on_pixels(deviation, motion, self.shot, rows)))
-        figures["agreement"] = float(agrees.mean()) / 255
-        if figures["agreement"] < _LEAST_AGREEMENT:
-            raise InputError(f"only {100 * figures['agreement']:.0f} % of it agrees with the reference")
-        return Kept(frame, motion, agrees)
+        return agrees
+
+
+def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, int]:
+    """The index of each frame whose samples are those of another one, and that of the frame which stays: the first of them.
+
+    Their noise is the same, and does not fall when they are merged.
+
+    frames: of any cameras and sizes. reference: index of a frame that stays, whatever it is a copy of; None = of any.
+
+    >>> import numpy as np
+    >>> from offline.burst import copies
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed in (1, 2))
+    >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other, one.copy())])
+    {2: 0}
+    """
+    copied: dict[int, int] = {}
+    originals: dict[object, int] = {}
+    for number in sorted(range(len(frames)), key=lambda index: index != reference):
+        samples, pattern = np.ascontiguousarray(frames[number].samples), frames[number].pattern
+        content = pattern, samples.shape, samples.dtype.str, hashlib.sha256(samples.data).digest()
+        original = originals.setdefault(content, number)
+        if original != number:
+            copied[number] = original
+    return copied
 
 
 def misfit(frame: Mosaic, reference: Mosaic) -> str:
@@ -140,21 +157,6 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     return ""
 
 
-def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
-    """Motions as the kernels take them."""
-    turns, starts = zip(*(motion.affine((shape[0], shape[1])) for motion in motions), strict=True)
-    nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-    shifts = [motion.local if motion.local is not None else np.zeros(nodes) for motion in motions]
-    return np.array(turns), np.array(starts), np.array(shifts, np.float32)
-
-
-def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
-    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
-    found = np.empty(plane.shape, np.float32)
-    displace(plane, as_arrays([motion], plane.shape), found)
-    return found
-
-
 def _sharpness(reference: View, frame: View, seen: BoolArray) -> float:
     """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
     (own, own_noise), (other, other_noise) = (view.detail(seen) for view in (reference, frame))
@@ -162,7 +164,8 @@ def _sharpness(reference: View, frame: View, seen: BoolArray) -> float:
     if not clear.any():
         return 1.0  # no tile shows it
     ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear] / (own - own_noise)[clear])
-    return weighted_median(ratio, np.sqrt((own - own_noise)[clear]))
+    weights = np.sqrt((own - own_noise)[clear])
+    return float(np.quantile(ratio, 0.5, weights=weights, method="inverted_cdf"))
 
 
 def _unevenness(reference: View, frame: View, seen: BoolArray) -> float:

@@ -8,9 +8,8 @@ At the end, samples correct the picture too, each at its own place.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -26,7 +25,7 @@ from ..measured import Measured
 from ..parts import Look, Part, RowStage
 from ..solvers import report
 from .frames import FILL_ERROR, NEIGHBOURHOOD, SHARED, TINY
-from .judging import Kept
+from .selection import Kept
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
@@ -60,17 +59,17 @@ class ColourSamples:
     @classmethod
     def of(cls, kept: Sequence[Kept], light: FloatArray, weight: FloatArray, sites: Sites) -> "ColourSamples":
         """The colour samples of all frames that lie in the reference. light, weight: from `merge`. sites: of the reference."""
-        found: list[tuple[Any, ...]] = []
-        for number, each in enumerate(kept):
-            used = weight[number] > 0
+        parts = []
+        for kept_frame, lights, weights in zip(kept, light, weight, strict=True):
+            used, noise = weights > 0, kept_frame.frame.noise
             rows, columns = (place[used] for place in sites.pixels)
-            y, x = each.motion.back(rows, columns, sites.grid.frame)
+            places = np.stack(kept_frame.motion.back(rows, columns, sites.grid.frame), axis=1)
             channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
-            values, noise = each.frame.colours[used], each.frame.noise
+            values = kept_frame.frame.colours[used]
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
-        places, channel, value, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
-        return cls(places, channel, value, lights, variances, weights, own=len(found[0][0]))
+            parts.append(cls(places, channels, values, lights[used], variance, weights[used], own=0))
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+        return cls(**arrays, own=len(parts[0].values))
 
     @property
     def level(self) -> float:
@@ -127,6 +126,9 @@ class ColourSamples:
         figures[:, 2], figures[:, 3], figures[:, 4] = self.values * per_channel, self.light, self.weight * precision
         typical = float(np.median(precision)) if len(precision) else 1.0
         return (figures[order], self.channels[order], starts), typical
+
+
+_ARRAYS = [field.name for field in fields(ColourSamples) if field.name != "own"]
 
 
 def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
