@@ -17,7 +17,7 @@ from offline.whole.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
-from shared.sensor import simulate_additive
+from tools.camera.sensor import simulate_additive
 
 from .scenes import SHAPE, light
 
