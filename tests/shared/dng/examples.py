@@ -4,13 +4,11 @@ import struct
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from shared.dng import PART, encode_part, join_parts
+from shared.arrays import ByteArray
 from shared.metadata import CaptureField
-from shared.tiff import FieldType, encode_tiff
+from shared.tiff import FieldType
 
 METADATA = CaptureMetadata(
     make="Contax",
@@ -43,16 +41,6 @@ def preview(rows: int = 60, columns: int = 80) -> ByteArray:
     """A picture that differs in every direction and channel."""
     down, across = np.mgrid[:rows, :columns]
     return np.stack([down * 4, across * 3, 255 - down * 2 - across], axis=-1).astype(np.uint8)
-
-
-def picture_dng(
-    rgb: FloatArray, camera_to_xyz: ArrayLike | None = None, neutral: ArrayLike | None = None, metadata: CaptureMetadata = METADATA
-) -> bytes:
-    """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
-    shape, shown = (rgb.shape[0], rgb.shape[1]), (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
-    parts = [encode_part(rgb[top : top + PART], shown[top : top + PART], shape) for top in range(0, shape[0], PART)]
-    directory = join_parts(parts, shape, metadata, camera_to_xyz, neutral)
-    return encode_tiff(directory)
 
 
 def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> SensorCalibration:

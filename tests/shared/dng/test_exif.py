@@ -17,7 +17,7 @@ from shared.dng.exif_table import KEPT
 from shared.dng.tags import Tag
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from shared.tiff_reading import read_directories
-from tests.shared.dng.examples import METADATA, mosaic, picture_dng, preview
+from tests.shared.dng.examples import METADATA, mosaic, preview
 
 ASCII, SHORT, RATIONAL = FieldType.ASCII, FieldType.SHORT, FieldType.RATIONAL
 
@@ -204,6 +204,3 @@ def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
     assert named == ["Panchroma", *["Panchroma Pr?fling 7"] * 2]
     odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd
-    rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
-    assert read_metadata(BytesIO(rendered)) == METADATA
-    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main[Tag.MODEL]) == "Panchroma render"
