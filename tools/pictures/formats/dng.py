@@ -48,7 +48,7 @@ class LinearDng(Format):
     about = "linear, to finish in a raw developer"
     in_bands = True
     longest_side = LONGEST_SIDE
-    memory_per_pixel = 9.0  # of noise; pictures take two thirds of that
+    memory_per_pixel = 10.0  # of noise; pictures take two thirds of that
 
     def check(self, development: Development) -> None:
         """See `Format`."""

@@ -56,8 +56,7 @@ def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = 
 
 def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution; segments: inserted behind JFIF's, which is first."""
-    # A copy, even of one pixel: the codec looks at the strides.
-    data = bytes(imagecodecs.jpeg8_encode(np.array(codes, order="C"), level=quality, subsampling="444"))
+    data = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling="444"))
     return data[:JFIF_ENDS] + segments + data[JFIF_ENDS:]
 
 

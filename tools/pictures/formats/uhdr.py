@@ -140,11 +140,12 @@ class UltraHdr(Format):
         """See `Format`."""
         level, segments, gains = jpeg_level(development.kind.quality), development_segments(development), _gains(development)
 
+        # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
         capacity = gains.capacity(int(samples[..., 3].max()))
         described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
-        gain_map = baseline_jpeg(samples[..., 3], _GAIN_QUALITY, described)
-        base = baseline_jpeg(samples[..., :3], level, segments)
+        gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
+        base = baseline_jpeg(samples[..., :3].copy(), level, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
         inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), JFIF_ENDS + len(segments)
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
