@@ -1,14 +1,11 @@
 """Mosaics to save: every field filled in, so that one that gets lost shows."""
 
-import struct
 from datetime import datetime
 
 import numpy as np
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import ByteArray
-from shared.metadata import CaptureField
-from shared.tiff import FieldType
 
 METADATA = CaptureMetadata(
     make="Contax",
@@ -23,17 +20,9 @@ METADATA = CaptureMetadata(
     iso=640,
     focal_length=34.56,
     orientation=6,
-    more=(
-        CaptureField("main", 306, FieldType.ASCII, b"2015:01:01 00:00:00"),
-        CaptureField("exif", 36881, FieldType.ASCII, b"+05:30"),
-        CaptureField("exif", 42034, FieldType.RATIONAL, struct.pack("<8I", 35, 1, 35, 1, 14, 5, 0, 0)),
-        CaptureField("gps", 1, FieldType.ASCII, b"S"),
-        CaptureField("gps", 2, FieldType.RATIONAL, struct.pack("<6I", 33, 1, 51, 1, 1267, 50)),
-        CaptureField("gps", 3, FieldType.ASCII, b"E"),
-        CaptureField("gps", 4, FieldType.RATIONAL, struct.pack("<6I", 151, 1, 12, 1, 40, 1)),
-        CaptureField("gps", 5, FieldType.BYTE, b"\1"),
-        CaptureField("gps", 6, FieldType.RATIONAL, struct.pack("<2I", 5, 2)),
-    ),
+    zone="+05:30",
+    place=(-33.85703889, 151.21111111),
+    altitude=-2.5,
 )
 
 

@@ -21,7 +21,7 @@ from tools.pictures.kind import PictureKind
 from tools.pictures.samples import upright
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
-METADATA = replace(examples.METADATA, more=())
+METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [
     PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths
