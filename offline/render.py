@@ -192,8 +192,8 @@ def warm_up(settings: RenderSettings = BEST) -> None:
     scene = np.full((24, 24, 3), 0.2, np.float32)
     scene[:, 12:] = 0.5, 0.1, 0.05  # on no line, where the network would have nothing to do
     pattern, samples = CfaPattern.bayer(), scene.sum(axis=2)  # Eq. 7
-    for channel, *lattice in pattern.lattices:
-        samples[*lattice] = scene[*lattice, channel]
+    for channel, rows, columns in pattern.lattices:
+        samples[rows, columns] = scene[rows, columns, channel]
     samples += np.random.default_rng(0).normal(0, 0.01, samples.shape).astype(np.float32)
     render(Mosaic(samples, pattern, SensorCalibration(noise=NoiseModel.gaussian(0.01, 4))), settings)
 
