@@ -49,9 +49,9 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     if taken is None:
         taken = _time(main.get(Tag.DATE_TIME), exif.get(Tag.SUB_SEC_TIME))
     found: dict[str, Any] = {
-        **{name: text(main.get(tag), _LONGEST) for name, tag in TEXTS.items()},
+        **{name: text(main.get(tag)) for name, tag in TEXTS.items()},
         **{name: _number(exif.get(tag)) for name, tag in NUMBERS.items()},
-        "lens": text(exif.get(Tag.LENS_MODEL), _LONGEST),
+        "lens": text(exif.get(Tag.LENS_MODEL)),
         "taken": taken,
         "zone": text(exif.get(Tag.OFFSET_TIME_ORIGINAL)) or text(exif.get(Tag.OFFSET_TIME)),
         "place": _place(stored.gps),
@@ -70,16 +70,16 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     return metadata
 
 
-def text(field: StoredField | None, longest: int = _LONGEST) -> str:
-    """The printable text of a field of bytes; "" if it has none. Longer texts are cut off at `longest` bytes of UTF-8."""
+def text(field: StoredField | None) -> str:
+    """The printable text of a field of bytes; "" if it has none. Longer texts are cut off at 4096 bytes of UTF-8."""
     if field is None or not isinstance(field.values, bytes):
         return ""
     data = field.values
-    if len(data) > 2 * longest:  # enough, and without half a letter at the end
-        data = data[: 2 * longest].rstrip(_CONTINUATIONS)[:-1]
+    if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
+        data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
     # A NUL parts the photographer from the editor in Copyright, and ends every text.
     parts = (part for part in data.split(b"\0") if part.strip())
-    return "; ".join(filter(None, (printable(_decoded(part)) for part in parts))).encode()[:longest].decode(errors="ignore")
+    return "; ".join(filter(None, (printable(_decoded(part)) for part in parts))).encode()[:_LONGEST].decode(errors="ignore")
 
 
 def printable(value: str) -> str:
