@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shared.arrays import ByteArray, FloatArray
-from shared.calibration import SensorCalibration
+from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
 from shared.networks import network_for
 from shared.pattern import CfaPattern
@@ -189,11 +189,13 @@ def warm_up(settings: RenderSettings = BEST) -> None:
     >>> from offline import PAPER, warm_up
     >>> warm_up(PAPER)
     """
-    from shared.sensor import simulate_additive
-
     scene = np.full((24, 24, 3), 0.2, np.float32)
     scene[:, 12:] = 0.5, 0.1, 0.05  # on no line, where the network would have nothing to do
-    render(simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), 0.01, np.random.default_rng(0)), settings)
+    pattern, samples = CfaPattern.bayer(), scene.sum(axis=2)  # Eq. 7
+    for channel, rows, columns in pattern.lattices:
+        samples[rows, columns] = scene[rows, columns, channel]
+    samples += np.random.default_rng(0).normal(0, 0.01, samples.shape).astype(np.float32)
+    render(Mosaic(samples, pattern, SensorCalibration(noise=NoiseModel.gaussian(0.01, 4))), settings)
 
 
 def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Measured:

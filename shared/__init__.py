@@ -1,4 +1,4 @@
-"""The camera itself: filter pattern, calibration, mosaic, sensor model and file format. README.md in this folder explains them."""
+"""The camera itself: filter pattern, calibration, mosaic and file format. README.md in this folder explains them."""
 
 from .block_grid import BlockGrid
 from .calibration import NoiseModel, SensorCalibration

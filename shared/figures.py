@@ -36,10 +36,7 @@ def number(name: str, value: Any) -> float:
     >>> number("focal_length", 35)
     35.0
     """
-    found = _as_floats([value])
-    if found is None:
-        raise InputError(f"{name} is {shown(value)}, expected a number")
-    return _finite(name, found)[0]
+    return _checked(name, value, [value], "a number")[0]
 
 
 def numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ...]:
@@ -51,12 +48,10 @@ def numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ..
     >>> numbers("gamma", [1, 2.5, 3], 3)
     (1.0, 2.5, 3.0)
     """
-    found = _as_floats(values)
-    if found is None:
-        raise InputError(f"{name} is {shown(values)}, expected a list of numbers")
-    if count is not None and len(found) != count:
-        raise InputError(f"{name} has {len(found)} figures, expected {count}")
-    return _finite(name, found)
+    floats = _checked(name, values, values, "a list of numbers")
+    if count is not None and len(floats) != count:
+        raise InputError(f"{name} has {len(floats)} figures, expected {count}")
+    return floats
 
 
 def tables(name: str, values: Any, depth: int) -> Any:
@@ -104,21 +99,18 @@ def shown(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
-def _as_floats(values: Any) -> tuple[float, ...] | None:
-    """Numbers as floats; None unless all of them are numbers that a float can be."""
+def _checked(name: str, value: Any, values: Any, expected: str) -> tuple[float, ...]:
+    """Return the values as finite floats. Raises InputError, which shows `value`, for what is no number that a float can be."""
     try:
         every = tuple(values)
-        if not any(isinstance(value, bool) or not isinstance(value, Real) for value in every):
-            return tuple(float(value) for value in every)
+        if any(isinstance(item, bool) or not isinstance(item, Real) for item in every):
+            raise TypeError
+        floats = tuple(map(float, every))
     except (TypeError, OverflowError):
-        pass
-    return None
-
-
-def _finite(name: str, found: tuple[float, ...]) -> tuple[float, ...]:
-    if not all(math.isfinite(each) for each in found):
-        raise InputError(f"{name} holds a figure that is not finite: {found}")
-    return found
+        raise InputError(f"{name} is {shown(value)}, expected {expected}") from None
+    if not all(map(math.isfinite, floats)):
+        raise InputError(f"{name} holds a figure that is not finite: {floats}")
+    return floats
 
 
 def _whole_number(text: str) -> int:

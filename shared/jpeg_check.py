@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 
 from .errors import InputError
+from .limits import check_count, limit
 
 LOSSLESS = 0xC3
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
@@ -16,11 +17,7 @@ _SCAN, _END = 0xDA, 0xD9
 _APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
-_MOST_SCANS = 32  # of a progressive JPEG; encoders make about ten
-_MOST_SEGMENTS = 4096  # of 64 KiB: a colour profile, and maps of depth that telephones write, are cut into some hundred
-_MOST_FILLING = 1 << 16  # bytes between the segments before the first scan, and 0xFF in a row after it; encoders write a few
-_LONG_RUN = b"\xff" * _MOST_FILLING
-_WASTEFUL = "a JPEG has more segments, or more bytes between them, than any encoder writes: it is damaged or malicious"
+_LONG_RUN = b"\xff" * (limit("filling bytes") + 1)
 
 
 @dataclass(frozen=True)
@@ -57,8 +54,9 @@ class JpegHeader:
         """Raise InputError for more pixels or scans than a decoder should be given."""
         if not 0 < self.rows * self.columns <= most_pixels:
             raise InputError(f"a JPEG declares more pixels than it can have, or none: {self.columns} x {self.rows}; it is damaged")
-        if self.scans > (_MOST_SCANS if self.kind in _PROGRESSIVE else self.components):
-            raise InputError(f"a JPEG has {self.scans} scans, more than any encoder writes: it is damaged or malicious")
+        check_count(self.scans, "scans")
+        if self.kind not in _PROGRESSIVE and self.scans > self.components:
+            raise InputError(f"a JPEG has {self.scans} scans for {self.components} components: it is damaged or malicious")
 
 
 def read_header(jpeg: bytes) -> JpegHeader:
@@ -70,8 +68,8 @@ def read_header(jpeg: bytes) -> JpegHeader:
     while found := _MARKER.search(jpeg, place):
         segments += 1
         filling += 0 if scans else found.start() - place
-        if segments > _MOST_SEGMENTS or filling > _MOST_FILLING:
-            raise InputError(_WASTEFUL)
+        check_count(segments, "segments")
+        check_count(filling, "filling bytes")
         marker, place = jpeg[found.end() - 1], found.end()
         if marker == _END:
             break
@@ -85,7 +83,7 @@ def read_header(jpeg: bytes) -> JpegHeader:
     if frame is None or len(frame[1]) < 6:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
-        raise InputError(_WASTEFUL)
+        check_count(len(_LONG_RUN), "filling bytes")
     kind, size = frame
     rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
     return JpegHeader(kind, rows, columns, size[5], scans, size[0], marker == _END, tuple(applications))

@@ -1,8 +1,6 @@
 """Opening untrusted files: kind and size are checked before anything is read. Also the size limits."""
 
 import codecs
-import errno
-import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +16,6 @@ MAX_PIXELS = 1 << 28
 MAX_DOCUMENT = 4 << 20
 """Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""
 
-_MOST_PIECES = 4096
 _WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 
 
@@ -82,22 +79,3 @@ def read_text(path: Path | str, largest: int, kind: str, otherwise: str = "") ->
         if otherwise:
             return data.decode(otherwise)
         raise InputError(f"is not a text in UTF-8; save {kind} as UTF-8") from None
-
-
-def data_bytes(path: Path | str) -> int:
-    """Bytes of a file that are not in holes: a sparse file of a few bytes can seem to be as long as a terabyte.
-
-    On a file system that knows no holes: the length. More holes than any file has by accident count to the end.
-    """
-    with Path(path).open("rb", buffering=0) as file:
-        descriptor, end, found, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
-        if not hasattr(os, "SEEK_DATA"):
-            return end
-        try:
-            for _ in range(_MOST_PIECES):
-                start = os.lseek(descriptor, place, os.SEEK_DATA)
-                place = os.lseek(descriptor, start, os.SEEK_HOLE)
-                found += place - start
-        except OSError as error:
-            return found if error.errno == errno.ENXIO else end  # ENXIO: no data from here on
-        return found

@@ -9,10 +9,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import IO, NamedTuple
 
+from .limits import limit
 from .tiff import RATIOS, number_format, value_bytes
 
-MOST_FIELDS = 1024
-"""Fields of a directory that are looked at; the largest in use have a hundred."""
 BYTES = (1, 2, 6, 7)
 """Field types whose values are bytes: BYTE, ASCII, SBYTE, UNDEFINED."""
 _BIG = 43
@@ -64,13 +63,13 @@ class Structure:
     def directory(self, offset: int) -> tuple[int, list[Entry], int]:
         """The directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.
 
-        No more than MOST_FIELDS fields are read, and no more than the file has. Raises EOFError if it ends before the directory.
+        No more fields are read than `limits` allow, and no more than the file has. Raises EOFError if it ends before the directory.
         """
         counted, size = self.read(offset, self._count.size), self._entry.size
         if len(counted) < self._count.size:
             raise EOFError
         (count,), start = self._count.unpack(counted), offset + len(counted)
-        table = self.read(start, min(count, MOST_FIELDS) * size)
+        table = self.read(start, min(count, limit("fields in a directory")) * size)
         after = self.read(start + count * size, self._offset.size)
         entries = [Entry._make(each) for each in self._entry.iter_unpack(table[: len(table) // size * size])]
         return count, entries, self._offset.unpack(after)[0] if len(after) == self._offset.size else 0

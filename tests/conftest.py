@@ -63,6 +63,17 @@ def compiled_first(request: pytest.FixtureRequest) -> None:
         request.getfixturevalue("compiled")
 
 
+@pytest.fixture(params=[True, False], ids=["links", "no links"])
+def links(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file system with hard links, and one without."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    if not request.param:
+        monkeypatch.setattr(os, "link", refuse)
+
+
 @pytest.fixture
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """A function after whose call the next `times` calls of os.fsync, by default all, fail with the error `number`."""

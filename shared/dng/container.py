@@ -1,14 +1,13 @@
 """The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and the digest of the samples."""
 
 import hashlib
-from dataclasses import dataclass
 from html import escape
-from typing import Any
 
 import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import ByteArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
@@ -27,26 +26,20 @@ _XMP = (
 )
 
 
-@dataclass(frozen=True)
-class EncodedPreview:
-    """A preview that is a JPEG already (4:2:0). shape: (h, w, 3)."""
-
-    jpeg: bytes
-    shape: tuple[int, int, int]
-
-
-def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
+def main_directory(preview: ByteArray, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
     """The first directory of a DNG: preview, metadata, and the raw directory below it.
 
-    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples, or an `EncodedPreview`.
+    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples.
     metadata: capture data.
     camera: UniqueCameraModel and Model, a name under which converters look up colour profiles; Make is `MAKER`.
     raw: directory of the samples, from `raw_directory`.
     digest: digest of the samples, from `raw_digest`.
     Raises InputError for another kind of preview.
     """
-    encoded = preview if isinstance(preview, EncodedPreview) else _encoded(np.asarray(preview))
-    check_sides(encoded.shape)
+    picture = np.ascontiguousarray(preview)
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
+        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
+    check_sides(picture.shape)
     main = metadata_directory(metadata)
     # Raw developers take Make and Model for the camera that saw these samples, and give them its colours. No camera but ours did;
     # the source's name is in the XMP, which none of them looks into for that.
@@ -55,8 +48,8 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
         main.fields[Tag.XMP] = FieldType.BYTE, _xmp(metadata)
     main.fields |= {Tag.MAKE: (FieldType.ASCII, MAKER), Tag.MODEL: (FieldType.ASCII, named)}
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
-    main.strips = [encoded.jpeg]
-    main.fields.update(picture_fields(encoded.shape, 8, Compression.JPEG, Photometric.YCBCR))
+    main.strips = [bytes(imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420"))]
+    main.fields.update(picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
     main.fields.update(resolution_fields())
     main.fields.update(
         {
@@ -74,14 +67,6 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     )
     main.children[Tag.SUB_IFDS] = raw
     return main
-
-
-def _encoded(picture: NDArray[Any]) -> EncodedPreview:
-    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
-        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
-    check_sides(picture.shape)
-    jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
-    return EncodedPreview(bytes(jpeg), picture.shape)
 
 
 def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:

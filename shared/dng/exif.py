@@ -2,15 +2,13 @@
 
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
-from .exif_table import GPS_VERSION
-from .tags import MAKER, Tag
+from .tags import MAKER, GpsTag, Tag
 
 LARGEST_SHORT = 65535
 _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
-WRITTEN_GPS_VERSION = bytes([2, 3, 0, 0])
-
+_GPS_VERSION = bytes([2, 3, 0, 0])
 # Field of CaptureMetadata -> tag of its text in the first directory.
 TEXTS = {
     "make": Tag.MAKE,
@@ -50,14 +48,26 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
         exif.fields[Tag.DATE_TIME_ORIGINAL] = FieldType.ASCII, seconds
         if metadata.taken.microsecond:
             exif.fields[Tag.SUB_SEC_TIME_ORIGINAL] = FieldType.ASCII, f"{metadata.taken.microsecond:06}".rstrip("0")
-    gps = Directory({GPS_VERSION: (FieldType.BYTE, WRITTEN_GPS_VERSION)})
-    for field in metadata.more:
-        directory = {"main": main, "exif": exif, "gps": gps}[field.directory]
-        directory.fields[field.tag] = field.kind, field.data + b"\0" if field.kind is FieldType.ASCII else field.data
+    if metadata.zone:
+        exif.fields[Tag.OFFSET_TIME_ORIGINAL] = FieldType.ASCII, metadata.zone
     main.children[Tag.EXIF_IFD] = exif
-    if len(gps.fields) > 1:
-        main.children[Tag.GPS_IFD] = gps
+    if gps := _gps_fields(metadata):
+        main.children[Tag.GPS_IFD] = Directory({GpsTag.VERSION: (FieldType.BYTE, _GPS_VERSION), **gps})
     return main
+
+
+def _gps_fields(metadata: CaptureMetadata) -> Fields:
+    """Return the fields of place and altitude, as far as they are known."""
+    fields: Fields = {}
+    for tag, letters, angle in zip((GpsTag.LATITUDE, GpsTag.LONGITUDE), ("NS", "EW"), metadata.place or (), strict=False):
+        minutes, seconds = divmod(abs(angle) * 3600, 60)
+        degrees, minutes = divmod(minutes, 60)
+        fields[tag - 1] = FieldType.ASCII, letters[angle < 0]
+        fields[tag] = FieldType.RATIONAL, [degrees, minutes, round(seconds, 5)]  # to a millimetre
+    if metadata.altitude is not None:
+        fields[GpsTag.ALTITUDE_REF] = FieldType.BYTE, bytes([metadata.altitude < 0])
+        fields[GpsTag.ALTITUDE] = FieldType.RATIONAL, [abs(metadata.altitude)]
+    return fields
 
 
 def resolution_fields() -> Fields:

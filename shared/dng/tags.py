@@ -66,10 +66,11 @@ class Tag(IntEnum):
     ISO_SPEED = 34867
     EXIF_VERSION = 36864
     DATE_TIME_ORIGINAL = 36867
+    OFFSET_TIME = 36880  # of DATE_TIME
+    OFFSET_TIME_ORIGINAL = 36881
     FOCAL_LENGTH = 37386  # millimetres
     SUB_SEC_TIME = 37520  # of DATE_TIME
     SUB_SEC_TIME_ORIGINAL = 37521  # decimal digits after the second
-    LENS_SPECIFICATION = 42034  # shortest and longest focal length, f-number at each
     LENS_MODEL = 42036
     GPS_IFD = 34853
 
@@ -89,7 +90,6 @@ class Tag(IntEnum):
     UNIQUE_CAMERA_MODEL = 50708
     COLOR_MATRIX_1 = 50721  # XYZ -> camera, a row per plane, under illuminant 1
     COLOR_MATRIX_2 = 50722  # XYZ -> camera, a row per plane, under illuminant 2
-    LENS_INFO = 50736  # as LENS_SPECIFICATION
     AS_SHOT_NEUTRAL = 50728  # reading of white, a value per plane
     BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
     DNG_PRIVATE_DATA = 50740
@@ -100,6 +100,18 @@ class Tag(IntEnum):
     NEW_RAW_IMAGE_DIGEST = 51111
     ILLUMINANT_DATA_1 = 52533  # DNG 1.6: SHORT 0, then two RATIONALs: CIE x, y
     ILLUMINANT_DATA_2 = 52534
+
+
+class GpsTag(IntEnum):
+    """Tags of the GPS directory."""
+
+    VERSION = 0
+    LATITUDE_REF = 1  # N or S
+    LATITUDE = 2  # degrees, minutes, seconds
+    LONGITUDE_REF = 3  # E or W
+    LONGITUDE = 4
+    ALTITUDE_REF = 5  # BYTE; 1 = below the sea
+    ALTITUDE = 6  # metres
 
 
 class Compression(IntEnum):

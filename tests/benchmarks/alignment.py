@@ -24,9 +24,9 @@ from offline.whole.luminance import recover_luminance
 from shared import Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.harness import PATTERN, options, photographs
 from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.scenes.load import load_scene
 
 CALIBRATION = SensorCalibration.of_bits(12, headroom=False)

@@ -21,10 +21,10 @@ import numpy as np
 
 from offline import use_threads
 from shared import Mosaic, SensorCalibration, write_dng
-from shared.sensor import simulate_additive
 from tests.benchmarks.harness import PATTERN
 from tests.dask_cluster import cluster
 from tests.tools.command import start
+from tools.camera.sensor import simulate_additive
 from tools.host.jobs import Job
 from tools.host.progress import StageProgress
 from tools.pictures.development import write_picture

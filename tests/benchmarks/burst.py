@@ -32,13 +32,13 @@ from offline import BEST, PRESETS, render
 from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
-from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst
 from tests.benchmarks.harness import PATTERN, options, photographs
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.camera.protocols import PaperProtocol
+from tools.camera.sensor import simulate_additive
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr

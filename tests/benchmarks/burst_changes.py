@@ -7,9 +7,9 @@ import numpy as np
 from offline import render
 from offline.burst import merge_burst, render_burst_bands
 from shared import SensorCalibration
-from shared.sensor import simulate_additive
 from tests.benchmarks.harness import PATTERN, middle
 from tools.camera.burst import SimulatedBurst, burst_frames
+from tools.camera.sensor import simulate_additive
 from tools.evaluation.metrics import psnr
 from tools.scenes.load import load_scene
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 from tests.data import DATA
 from tests.tools.calibration.known_camera import REFERENCE
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
+from tools.camera.sensor import simulate_additive
 from tools.scenes.load import load_scene
 
 CHARTS = (

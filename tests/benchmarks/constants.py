@@ -30,9 +30,9 @@ from offline import BEST, PAPER, RenderSettings, render, use_threads
 from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.harness import PATTERN, middle, options
 from tests.data import ROOT
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.metrics import BORDER, psnr, quality
 from tools.scenes.load import load_scene
 

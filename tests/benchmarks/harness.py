@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.data import DATA
+from tools.camera.sensor import simulate_additive
 from tools.evaluation.rivals.integers import Levels
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene

@@ -18,9 +18,9 @@ from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 from tests.device.packer import pack
 from tests.fuzz.sweep import sweep
+from tools.camera.sensor import simulate_additive
 from tools.scenes.drawn.builtin import builtin_scene
 
 RIGHT, REFUSED, REMARK, SILENT, MENDED, ASTRAY = "right", "refused", "remark", "SILENT", "mended", "LED ASTRAY"

@@ -23,9 +23,9 @@ from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import sample, simulate_additive, simulate_sensor
 from tests.fuzz.sweep import sweep
 from tools.camera.protocols import PaperProtocol
+from tools.camera.sensor import sample, simulate_additive, simulate_sensor
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods

@@ -12,8 +12,8 @@ from offline.settings import ChromaticitySettings, DefectsSettings
 from offline.whole.defects import mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
-from shared.sensor import simulate_additive
 from tests.offline.scenes import every_case, shot
+from tools.camera.sensor import simulate_additive
 
 SETTINGS = BEST.defects
 FULL = 3.0

@@ -13,8 +13,8 @@ from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
-from shared.sensor import simulate_additive
 from tests.scenes import leaves
+from tools.camera.sensor import simulate_additive
 
 # As a lens shows them: it has learned from what is seen through one.
 LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))

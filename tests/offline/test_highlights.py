@@ -12,8 +12,8 @@ from offline.whole.highlights import clipping_level, replace_dark, restore_highl
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
-from shared.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
+from tools.camera.sensor import simulate_sensor
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0

@@ -19,10 +19,10 @@ from shared.errors import InputError
 from shared.networks import NETWORKS, load_network, network_for
 from shared.pattern import BAYER_ORDERS
 from shared.runtime import onnxruntime
-from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
 from tests.scenes import leaves
+from tools.camera.sensor import simulate_additive
 
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()

@@ -15,12 +15,12 @@ from offline.whole.chromaticity import block_sums
 from offline.whole.colour_lines import _REACH, colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray
-from shared.sensor import simulate_additive
 from tests.offline.scenes import cleaned, every_case, gamma_of, sampled
 from tests.reference import lines as reference
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
+from tools.camera.sensor import simulate_additive
 
 # Sums of float32 whose differences are the contrast of luminance: where blocks are few, that is a hundredth of them.
 FLOAT32 = 3e-3

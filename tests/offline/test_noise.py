@@ -12,8 +12,8 @@ from offline.whole.chromaticity import sigma_z
 from offline.whole.noise import estimate_noise, with_noise
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
-from shared.sensor import sample
 from tests.offline.scenes import CASES, shot
+from tools.camera.sensor import sample
 
 # Of the standard deviation: what 600 x 400 pixels tell.
 ACCURACY = 0.12

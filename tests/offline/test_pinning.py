@@ -14,9 +14,9 @@ from offline.rows.correction import Missed
 from offline.rows.pinning import Pinning
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
-from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled, shot
 from tests.reference.sensor import luminance_of
+from tools.camera.sensor import simulate_additive
 
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
 TILES = ["WBWG/BWGW/WGWR/GWRW", "RGB/WWW/GRR", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]

@@ -14,9 +14,9 @@ from offline.render import Rendering
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 from tests.data import ROOT
 from tests.scenes import leaves
+from tools.camera.sensor import simulate_additive
 
 
 def shot(rows: int = 50, columns: int = 40, pattern: CfaPattern | None = None) -> Mosaic:

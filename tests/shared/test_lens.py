@@ -13,10 +13,10 @@ from offline import render
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import sample, simulate_additive, simulate_sensor
 from shared.shading import basis
 from shared.white_balance import estimate_neutral
 from tests.scenes import darker_corners
+from tools.camera.sensor import sample, simulate_additive, simulate_sensor
 
 SHAPE = (61, 90)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))

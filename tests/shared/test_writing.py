@@ -2,7 +2,6 @@ import errno
 import fcntl
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from typing import IO, BinaryIO, NoReturn
 import pytest
 
 from shared.errors import DurabilityWarning, OutputError
-from shared.writing import durable_file, keep_old, own_file, sweep, sync_folder, write_durably
+from shared.writing import durable_file, own_file, sweep, sync_folder, write_durably
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -21,17 +20,6 @@ def test_writes_the_parts_in_order_and_nothing_else(tmp_path: Path) -> None:
     write_durably(tmp_path / "shot.dng", b"one ", bytearray(b"two "), memoryview(b"three"))
     write_durably(str(tmp_path / "empty"))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"shot.dng": b"one two three", "empty": b""}
-
-
-@pytest.fixture(params=[True, False], ids=["links", "no links"])
-def links(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file system with hard links, and one without."""
-
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    if not request.param:
-        monkeypatch.setattr(os, "link", refuse)
 
 
 @pytest.mark.usefixtures("links")
@@ -156,20 +144,6 @@ def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: P
     with pytest.raises(OutputError, match=r"shot\.dng: cannot be written"), durable_file(tmp_path / "shot.dng") as file:
         write(file)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_old_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "shot.tif"
-    path.write_bytes(b"old")
-
-    def broken(*_: object) -> NoReturn:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr(os, "link", broken)  # so that it is copied
-    monkeypatch.setattr(shutil, "copyfileobj", broken)
-    with pytest.raises(OutputError, match=r"shot\.tif: cannot be read, to keep it as shot\.tif\.bak"):
-        keep_old(path)
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("name", ["shared", "device", "offline", "panchroma"])
@@ -341,7 +315,7 @@ def umask() -> int:
 
 def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import keep_old, write_durably\n"
+        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
         "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
@@ -349,17 +323,3 @@ def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path:
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment)
     assert len(list(tmp_path.iterdir())) == 3
-
-
-@pytest.mark.usefixtures("links")
-def test_no_copy_of_an_old_file_is_ever_replaced(tmp_path: Path) -> None:
-    path = tmp_path / "camera.json"
-    (tmp_path / "camera.json.bak").write_text("mine")
-    (tmp_path / "camera.json.bak2").symlink_to("nowhere")
-    for number in range(3):
-        if number:
-            assert keep_old(path).name == f"camera.json.bak{number + 2}"
-        write_durably(path, str(number).encode(), overwrite=True)
-    assert (tmp_path / "camera.json.bak").read_text() == "mine"
-    assert (tmp_path / "camera.json.bak2").is_symlink()
-    assert [(tmp_path / f"camera.json.bak{number}").read_text() for number in (3, 4)] == ["0", "1"]

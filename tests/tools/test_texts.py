@@ -5,8 +5,8 @@ import pytest
 
 from shared import read_camera
 from shared.errors import InputError
-from shared.pattern_text import read_pattern
 from tools.calibration.reference import read_reference, ti3
+from tools.camera.pattern_text import read_pattern
 from tools.commands.calibrate import color_checker_xyz
 from tools.host.cluster import _written_address
 from tools.rendering.defect_list import read_defects

@@ -8,7 +8,8 @@ from typing import Any
 
 from shared import Camera, Mosaic, read_camera
 from shared.errors import InputError, OutputError
-from shared.writing import keep_old, write_durably
+from shared.writing import write_durably
+from tools.host.backup import keep_old
 from tools.host.folders import DNGS, Search, search
 from tools.host.jobs import identity
 

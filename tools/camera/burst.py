@@ -18,7 +18,6 @@ from .motion import MOST_DEGREES, RADIUS, displaced, reach
 MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0
 STILL = Motion()
 _TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
-_SHUTTER_SPEED = 37377  # Exif's other statement of the exposure time
 
 # The thing that moves through a scene on its own.
 _SIZE = 0.2  # diameter, part of the frame's shorter side
@@ -151,8 +150,7 @@ class SimulatedFrame:
         """Capture data of the frame: those of the scene, with an exposure time that tells the frames of a bracket apart."""
         if self.stops is None:
             return scene
-        more = tuple(field for field in scene.more if field.tag != _SHUTTER_SPEED)
-        return replace(scene, exposure_time=(scene.exposure_time or _TIME) * self.exposure, more=more)
+        return replace(scene, exposure_time=(scene.exposure_time or _TIME) * self.exposure)
 
 
 def reduced(rgb: FloatArray, pixel: int) -> FloatArray:

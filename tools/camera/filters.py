@@ -13,8 +13,9 @@ from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from shared.errors import InputError
-from shared.sensor import TYPICAL_READ, TYPICAL_SHOT
 from tools.scenes.scene import BROADBAND, RGB, Scene
+
+from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
 _LEAST = 1e-6  # smaller weights and differences are rounding

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_sensor, typical_noise
 from tools.scenes.decoders import Decoded, decode_array
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene
@@ -28,6 +27,7 @@ from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
 from .protocols import Protocol, SensorProtocol
 from .protocols.protocol import SensorLight, dimmed
+from .sensor import simulate_sensor, typical_noise
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""

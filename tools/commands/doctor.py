@@ -181,7 +181,7 @@ def _preview() -> Iterator[Finding]:
         import numpy as np
 
         from shared import CfaPattern, SensorCalibration
-        from shared.sensor import simulate_additive
+        from tools.camera.sensor import simulate_additive
         from tools.pictures.previews import Previews
 
         wall = np.full((24, 24, 3), 0.3, np.float32)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from shared.errors import InputError, OutputError
 from shared.pattern import PERIODS
-from shared.pattern_text import read_pattern
 from shared.processors import processors
 from shared.tiles import TILES
 from shared.writing import write_durably
+from tools.camera.pattern_text import read_pattern
 from tools.evaluation.figures import Figures
 from tools.evaluation.report import plain_text
 from tools.host.cluster import SchedulerGoneError, absolute_path, connected

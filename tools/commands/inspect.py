@@ -7,7 +7,7 @@ import argparse
 import os
 import stat
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from shared import Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
-from shared.dng.exif_reading import place, shown_fields
 from shared.errors import ForeignFileError
 from shared.networks import network_for
 from shared.processors import processors
@@ -138,10 +137,8 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "calibration": calibration.to_json(),
         "calibration_id": calibration.id,
         "metadata": {
-            **asdict(replace(metadata, more=())),
+            **asdict(metadata),
             "taken": metadata.taken.isoformat() if metadata.taken else None,
-            "place": place(metadata),
-            "more": shown_fields(metadata),
         },
         "preview_bytes": preview_bytes,
     }
@@ -202,14 +199,15 @@ def _capture(metadata: dict[str, Any]) -> dict[str, str]:
     seconds = metadata["exposure_time"]
     exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
     rows = {
-        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description", "taken")},
+        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description")},
+        "taken": metadata["taken"] and f"{metadata['taken']}{metadata['zone']}",
         "place": metadata["place"] and "{:.6f}, {:.6f} (latitude, longitude)".format(*metadata["place"]),
+        "altitude": metadata["altitude"] is not None and f"{metadata['altitude']:g} m",
         "exposure": exposure,
         "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
         "ISO": metadata["iso"] and f"{metadata['iso']}",
         "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
         "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
-        "also": ", ".join(metadata["more"]),
     }
     return {name: value for name, value in rows.items() if value}
 

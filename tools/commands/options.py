@@ -11,9 +11,9 @@ from shared import Camera, CfaPattern, read_camera
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.pattern import PERIODS
-from shared.pattern_text import read_pattern
 from shared.reading import MAX_PIXELS
 from shared.tiles import TILES
+from tools.camera.pattern_text import read_pattern
 from tools.camera.protocols import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
 from tools.host.memory import parse_bytes
 

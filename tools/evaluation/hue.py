@@ -4,8 +4,8 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
 from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
-from shared.colour_difference import delta_e_2000
 from shared.white_balance import shades_of_grey
+from tools.pictures.colour_difference import delta_e_2000
 
 from .metrics import BORDER
 

@@ -15,7 +15,7 @@ from typing import Any
 from device.capture.frames import FrameLayout, RawFrame, format_named
 from shared import CaptureMetadata, CfaPattern
 from shared.errors import InputError
-from shared.pattern_text import read_pattern
+from tools.camera.pattern_text import read_pattern
 
 GENICAM = "genicam:"
 _DEBIAN = "/usr/lib/python3/dist-packages"  # where python3-gi is; a virtual environment does not look there

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from shared import CfaPattern
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
-from shared.writing import OnComplete, keep_old, write_durably
+from shared.writing import OnComplete, write_durably
 from tools.host.ahead import promised
+from tools.host.backup import keep_old
 from tools.host.jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.development import Development, write_picture

@@ -23,12 +23,13 @@ from shared.dng.exif_reading import WANTED, printable
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS, between
-from shared.reading import MAX_PIXELS, data_bytes
+from shared.reading import MAX_PIXELS
 from shared.tiff_reading import StoredDirectories, StoredFields, read_directories
 from shared.white_balance import clipped_share, normalised, shades_of_grey
 
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
+from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.errors import InputError
-from shared.reading import data_bytes
+
+from .file_size import data_bytes
 
 Facts = dict[str, Any]
 """Whatever JSON holds, by name."""

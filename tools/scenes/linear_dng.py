@@ -13,13 +13,14 @@ from shared.dng import metadata_from
 from shared.dng.reader import DngReader
 from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
 from shared.errors import InputError
-from shared.reading import MAX_PIXELS, data_bytes
-from shared.tiff_check import check_directories, check_pieces
+from shared.reading import MAX_PIXELS
+from shared.tiff_check import check_directories
 from shared.white_balance import clipped_share, normalised
 
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
 from .decoders.tiff import tag_numbers
+from .file_size import check_pieces, data_bytes
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829

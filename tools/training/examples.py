@@ -16,8 +16,8 @@ from offline.rows.learned import UNKNOWN, Cells, Inputs
 from offline.settings import BEST
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
-from shared.sensor import simulate_additive
 from shared.writing import durable_file
+from tools.camera.sensor import simulate_additive
 
 from ..scenes.load import load_scene
 from .drawings import drawing

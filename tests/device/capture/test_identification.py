@@ -10,10 +10,10 @@ from device.capture import identify
 from device.capture.identification import DENSE, UNKNOWN
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
-from shared.sensor import simulate_additive
 from shared.tiles import TILES, letters_of
 from tests.data import photograph
 from tests.scenes import leaves
+from tools.camera.sensor import simulate_additive
 
 SCENE = leaves(160, 216)
 LARGE = leaves(256, 320)

@@ -8,8 +8,8 @@ import pytest
 from device import Preview
 from device.preview.even_light import even_light
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.sensor import simulate_additive
 from tests.scenes import darker_corners, leaves
+from tools.camera.sensor import simulate_additive
 
 SHAPE = (240, 360)
 LENS = darker_corners(SHAPE)

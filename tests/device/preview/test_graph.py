@@ -15,9 +15,9 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.display import ColourTransform
-from shared.sensor import sample
 from tests.reference.compare import assert_close
 from tests.reference.preview import preview, small_preview
+from tools.camera.sensor import sample
 
 DIGEST = "d04a92d6ac8e2ccafff244386be45e392fdb3ec701fc2132be76c3e4bb20b545"
 """Of the graphs of CASES."""

@@ -10,7 +10,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from shared.arrays import CodeArray
 from shared.colorimetry import encode_srgb
 from shared.errors import InputError
-from shared.sensor import sample, simulate_additive
+from tools.camera.sensor import sample, simulate_additive
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:

@@ -19,7 +19,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
 from shared.progress import SILENT
-from shared.sensor import simulate_additive
+from tools.camera.sensor import simulate_additive
 
 from .scenes import SHAPE, light
 

@@ -1,16 +1,11 @@
 """Mosaics to save: every field filled in, so that one that gets lost shows."""
 
-import struct
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from shared.dng import PART, encode_part, join_parts
-from shared.metadata import CaptureField
-from shared.tiff import FieldType, encode_tiff
+from shared.arrays import ByteArray
 
 METADATA = CaptureMetadata(
     make="Contax",
@@ -25,17 +20,9 @@ METADATA = CaptureMetadata(
     iso=640,
     focal_length=34.56,
     orientation=6,
-    more=(
-        CaptureField("main", 306, FieldType.ASCII, b"2015:01:01 00:00:00"),
-        CaptureField("exif", 36881, FieldType.ASCII, b"+05:30"),
-        CaptureField("exif", 42034, FieldType.RATIONAL, struct.pack("<8I", 35, 1, 35, 1, 14, 5, 0, 0)),
-        CaptureField("gps", 1, FieldType.ASCII, b"S"),
-        CaptureField("gps", 2, FieldType.RATIONAL, struct.pack("<6I", 33, 1, 51, 1, 1267, 50)),
-        CaptureField("gps", 3, FieldType.ASCII, b"E"),
-        CaptureField("gps", 4, FieldType.RATIONAL, struct.pack("<6I", 151, 1, 12, 1, 40, 1)),
-        CaptureField("gps", 5, FieldType.BYTE, b"\1"),
-        CaptureField("gps", 6, FieldType.RATIONAL, struct.pack("<2I", 5, 2)),
-    ),
+    zone="+05:30",
+    place=(-33.85703889, 151.21111111),
+    altitude=-2.5,
 )
 
 
@@ -43,16 +30,6 @@ def preview(rows: int = 60, columns: int = 80) -> ByteArray:
     """A picture that differs in every direction and channel."""
     down, across = np.mgrid[:rows, :columns]
     return np.stack([down * 4, across * 3, 255 - down * 2 - across], axis=-1).astype(np.uint8)
-
-
-def picture_dng(
-    rgb: FloatArray, camera_to_xyz: ArrayLike | None = None, neutral: ArrayLike | None = None, metadata: CaptureMetadata = METADATA
-) -> bytes:
-    """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
-    shape, shown = (rgb.shape[0], rgb.shape[1]), (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
-    parts = [encode_part(rgb[top : top + PART], shown[top : top + PART], shape) for top in range(0, shape[0], PART)]
-    directory = join_parts(parts, shape, metadata, camera_to_xyz, neutral)
-    return encode_tiff(directory)
 
 
 def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> SensorCalibration:

@@ -15,7 +15,7 @@ from shared.dng.record import encode_record, record_id
 from shared.dng.tags import Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
-from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview, same
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
@@ -193,22 +193,6 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
             decode_dng(tampered(fields, [original.codes.tobytes()], original))
 
 
-def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
-    data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
-    assert codec.verify(data) == (8, 12)
-    turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
-    turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
-    turned = turned.replace(_entry(Tag.ROWS_PER_STRIP, 8), _entry(Tag.ROWS_PER_STRIP, 12))
-    assert len(turned) == len(data)
-    assert turned != data
-    with pytest.raises(InputError, match="damaged"):
-        codec.verify(turned)
-
-
-def _entry(tag: int, value: int) -> bytes:
-    return struct.pack("<HHII", tag, FieldType.LONG, 1, value)
-
-
 def test_an_exchanged_preview_is_told_by_verify_only() -> None:
     original = mosaic()
     data = bytearray(encode_dng(original, preview()))
@@ -224,10 +208,3 @@ def test_samples_of_another_kind_are_told() -> None:
         decode_dng(tampered({Tag.PHOTOMETRIC: (FieldType.SHORT, [2])}))
     with pytest.raises(InputError, match="no raw picture"):
         decode_dng(tampered({Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1])}))
-
-
-def test_a_rendered_picture_is_no_mosaic() -> None:
-    rendering = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
-    with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):
-        decode_dng(rendering)
-    assert decode_preview(rendering).startswith(b"\xff\xd8")

@@ -9,9 +9,7 @@ import pytest
 from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.colorimetry import D50, Matrix, as_rows, lab_to_xyz, xyz_to_lab
-from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
-from shared.perspective import rectangle
 from tests.tools.calibration.known_camera import HEIGHT, REFERENCE, WIDTH, chart, frame, true_place
 from tools.calibration.chart import find
 from tools.calibration.chart.find import chart_at, find_chart
@@ -19,6 +17,8 @@ from tools.calibration.chart.lattice import lattice_corners
 from tools.calibration.chart.picture import linear_picture
 from tools.calibration.chart.place import ChartPlace, least_pitch
 from tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
+from tools.pictures.colour_difference import delta_e_2000, lab_slopes
+from tools.scenes.perspective import rectangle
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.
 # Those kept are the ones at the turns of hue, near grey, far apart, and a few of the small ones.

@@ -11,7 +11,6 @@ import pytest
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import photograph
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, WIDTH, chart, frame, measured, true_place
 from tests.tools.calibration.test_coverage import SIMPLE
@@ -22,6 +21,7 @@ from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.surroundings import fit_surroundings
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene
 

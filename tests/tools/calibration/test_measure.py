@@ -10,7 +10,6 @@ import pytest
 
 from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
-from shared.sensor import simulate_sensor
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
 from tools.calibration.dark_frames import DarkResult
@@ -19,6 +18,7 @@ from tools.calibration.noise import FlatResult
 from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
+from tools.camera.sensor import simulate_sensor
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")

@@ -9,13 +9,13 @@ import pytest
 
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
-from shared.sensor import simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
+from tools.camera.sensor import simulate_sensor
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)

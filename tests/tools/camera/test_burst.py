@@ -6,9 +6,7 @@ import pytest
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.metadata import CaptureField
 from shared.motion import Motion
-from shared.tiff import FieldType
 from tools.camera.burst import MovingThing, SimulatedBurst, burst_frames, reduced, tremor
 from tools.camera.motion import displaced, reach
 from tools.scenes.drawn.builtin import builtin_scene
@@ -120,11 +118,9 @@ def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray
 def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
     frames = list(burst_frames(leaves, SimulatedBurst(3, stops=(0, -2, 1)), random()))
     assert [frame.exposure for frame in frames] == [1, 0.25, 2]
-    kept = CaptureField("exif", 37383, FieldType.SHORT, b"\5\0")
-    dropped = CaptureField("exif", 37377, FieldType.SRATIONAL, b"12345678")
-    scene = CaptureMetadata(exposure_time=0.01, more=(kept, dropped))
+    scene = CaptureMetadata(exposure_time=0.01, zone="+01:00")
     assert [frame.metadata(scene).exposure_time for frame in frames] == [0.01, 0.0025, 0.02]
-    assert frames[0].metadata(scene).more == (kept,)
+    assert frames[0].metadata(scene).zone == scene.zone
     unknown = [frame.metadata(CaptureMetadata()).exposure_time for frame in frames]
     assert unknown == [1 / 60, 1 / 240, 1 / 30]
     assert next(burst_frames(leaves, SimulatedBurst(1), random())).metadata(scene) is scene

@@ -9,10 +9,10 @@ from shared import CfaPattern, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 from shared.errors import InputError
-from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
 from tools.camera.bayer import sample_bayer
 from tools.camera.filters import Filters, filters_for
 from tools.camera.protocols import PROTOCOLS, PaperProtocol, Protocol, SensorProtocol, chosen_protocol
+from tools.camera.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
 from tools.evaluation.cameras import CameraPair
 from tools.scenes.scene import Scene, scene_channels
 

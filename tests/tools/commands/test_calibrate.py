@@ -12,11 +12,11 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
 from shared.colorimetry import D50, lab_to_xyz, xyz_to_lab
 from shared.errors import InputError
-from shared.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
 from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
 from tools.calibration.reference import check_order, read_reference, ti3
+from tools.camera.sensor import typical_noise
 from tools.commands.calibrate import color_checker_xyz
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]

@@ -21,13 +21,13 @@ from device.capture import frame_folder, identify
 from device.capture.frames import FrameLayout
 from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray, CodeArray
-from shared.sensor import simulate_additive
 from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import Outcome, ended, names, shots, spawn, start
 from tests.tools.command import run as command
+from tools.camera.sensor import simulate_additive
 from tools.live import recorder
 from tools.scenes.drawn.builtin import builtin_scene
 

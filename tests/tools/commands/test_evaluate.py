@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shared.pattern_text import read_pattern
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
+from tools.camera.pattern_text import read_pattern
 
 
 def times(folder: Path) -> dict[Path, int]:

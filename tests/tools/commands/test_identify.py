@@ -13,14 +13,14 @@ from device.capture.frames import FrameLayout
 from shared import CfaPattern, SensorCalibration
 from shared import write_dng as write_shot
 from shared.arrays import CodeArray
-from shared.pattern_text import read_pattern
-from shared.sensor import simulate_additive
 from tests.data import photograph
 from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.device.packer import pack
 from tests.shared.dng.examples import preview
 from tests.tools.command import run, spawn
 from tests.tools.scenes.files import LINEAR_RAW, write_dng
+from tools.camera.pattern_text import read_pattern
+from tools.camera.sensor import simulate_additive
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))

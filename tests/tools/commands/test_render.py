@@ -12,12 +12,12 @@ from PIL import Image
 from offline import PAPER, PRESETS, render
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray, FloatArray
-from shared.sensor import simulate_additive, simulate_sensor
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, results, run
 from tests.tools.pictures.examples import encode_picture
 from tests.tools.rendering.examples import save_mosaic
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
 from tools.pictures.development import Development

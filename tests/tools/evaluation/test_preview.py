@@ -6,9 +6,9 @@ import pytest
 from device import Preview
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import FloatArray
-from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.data import photograph
+from tools.camera.sensor import simulate_additive
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.strokes import WHITE, WIDTHS, drawing, kept

@@ -9,12 +9,12 @@ from offline.version import ALGORITHM
 from shared import SensorCalibration
 from shared.errors import InputError
 from shared.pattern import CfaPattern
-from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tests.walking import CHANGED, one_field_changed
 from tools.camera.protocols import PaperProtocol, SensorProtocol
+from tools.camera.sensor import simulate_additive
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr

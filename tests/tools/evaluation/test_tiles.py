@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern
-from shared.pattern_text import read_pattern
 from shared.tiles import TILES
 from tests.data import ROOT
+from tools.camera.pattern_text import read_pattern
 from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures

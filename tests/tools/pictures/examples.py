@@ -7,18 +7,21 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from shared import SensorCalibration
+from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
+from shared.tiff import encode_tiff
 from tests.shared.dng import examples
 from tools.pictures.development import Development, write_picture
 from tools.pictures.formats import FORMATS
+from tools.pictures.formats.dng import PART, encode_part, linear_dng
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import upright
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
-METADATA = replace(examples.METADATA, more=())
+METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [
     PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths
@@ -46,6 +49,18 @@ def encode_picture(rgb: FloatArray, development: Development) -> bytes:
 def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed: Any) -> BytesIO:
     """The file of a picture; changed: fields of its development."""
     return BytesIO(encode_picture(rgb, development(kind, rgb.shape, orientation, **changed)))
+
+
+def picture_dng(
+    rgb: FloatArray,
+    camera_to_xyz: ArrayLike | None = None,
+    neutral: ArrayLike | None = None,
+    metadata: CaptureMetadata = examples.METADATA,
+) -> bytes:
+    """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
+    shape, preview = (rgb.shape[0], rgb.shape[1]), (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
+    parts = [encode_part(rgb[top : top + PART], shape) for top in range(0, shape[0], PART)]
+    return encode_tiff(linear_dng(parts, preview, metadata, camera_to_xyz, neutral))
 
 
 def shown(rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION) -> FloatArray:

@@ -6,7 +6,7 @@ from PIL import Image
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.sensor import simulate_additive
+from tools.camera.sensor import simulate_additive
 from tools.pictures import illustrations
 from tools.pictures.illustrations import comparison, overview
 

@@ -9,11 +9,11 @@ import pytest
 from offline import BEST, PAPER, RenderSettings, render, render_bands
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
-from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.harness import photographed
 from tests.benchmarks.shading import figures as figures_of_shading
 from tests.benchmarks.shading import noisy
 from tools.camera.lens import lens_shading
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.scenes.drawn.builtin import builtin_scene
 
 SHAPE = (240, 360)

@@ -8,8 +8,8 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 
+from ..sensor import simulate_additive
 from .protocol import BayerShot, Protocol, SensorLight, dimmed
 
 

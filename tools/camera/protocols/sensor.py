@@ -8,8 +8,8 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_sensor
 
+from ..sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_sensor
 from .protocol import BayerShot, Protocol, SensorLight
 
 _BITS = 12

@@ -16,9 +16,9 @@ from shared import Mosaic, NoiseModel
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.pattern import PANCHROMATIC
-from shared.sensor import TYPICAL_READ, TYPICAL_SHOT
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.camera.protocols.protocol import SensorLight
+from tools.camera.sensor import TYPICAL_READ, TYPICAL_SHOT
 from tools.scenes.scene import BROADBAND, scene_channels
 
 from .spectra import SHARES, ComplexArray, Spectra, basis, shipped

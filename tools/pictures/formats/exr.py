@@ -12,7 +12,6 @@ from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES
-from shared.dng.exif_reading import altitude, place
 from shared.errors import OutputError
 
 from ..development import CAMERA, Development
@@ -82,10 +81,10 @@ def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         "nominalFocalLength": metadata.focal_length,
     }
     known = {name: value for name, value in attributes.items() if value}
-    if where := place(metadata):
+    if where := metadata.place:
         known |= {"latitude": where[0], "longitude": where[1]}
-    if (height := altitude(metadata)) is not None:
-        known["altitude"] = height
+    if metadata.altitude is not None:
+        known["altitude"] = metadata.altitude
     known["software"] = software()
     if space in SPACES:
         known["chromaticities"] = tuple(value for point in (*SPACES[space].primaries, D65_XY) for value in point)

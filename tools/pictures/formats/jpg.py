@@ -4,39 +4,41 @@ import struct
 from collections.abc import Iterable
 from typing import Any, BinaryIO, ClassVar
 
+import imagecodecs
+import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
-from shared.jpeg_writing import ROWS, encode_strip, join_strips
 from shared.tiff import encode_tiff
-from tools.host.ahead import ahead
 
 from ..development import Development
 from ..embedded import jpeg_directory
-from ..samples import regrouped
+from ..samples import joined
 from .format import Format
 
+JFIF_ENDS = 20
+"""Bytes of a JPEG's signature and its first segment."""
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a segment
 _QUALITIES, _QUALITY = range(1, 101), 95  # that can be asked for, and that of a JPEG if none is
 
 
 class Jpeg(Format):
-    """JPEG. Only what is compressed is held."""
+    """JPEG. The picture is held in 8 bits."""
 
     name, aliases = "jpg", ("jpeg",)
     spaces: ClassVar = {"srgb": (8,), "display-p3": (8,)}
     has_quality = True
     in_bands = True
     longest_side = LONGEST_SIDE
-    memory_per_pixel = 3.0  # of noise; pictures take half of that
+    memory_per_pixel = 6.0  # of noise; pictures take three quarters of that
 
     def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
         """See `Format`."""
         level = jpeg_level(development.kind.quality)
-        strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
-        file.write(join_strips(strips, development_segments(development)))
+        codes = joined(bands, development.written_shape[0])
+        file.write(baseline_jpeg(codes, level, development_segments(development)))
 
 
 def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None) -> bytes:
@@ -49,7 +51,13 @@ def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
     """
     level, segments = jpeg_level(quality), jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
-    return join_strips([encode_strip(rows, level, "444") for rows in regrouped([codes], ROWS)], segments)
+    return baseline_jpeg(codes, level, segments)
+
+
+def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
+    """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution; segments: inserted behind JFIF's, which is first."""
+    data = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling="444"))
+    return data[:JFIF_ENDS] + segments + data[JFIF_ENDS:]
 
 
 def check_quality(quality: int | None) -> None:

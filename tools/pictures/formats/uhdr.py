@@ -25,13 +25,11 @@ from numpy.typing import NDArray
 from shared.arrays import ByteArray, FloatArray, strips
 from shared.display import ColourTransform
 from shared.dng.tags import LONGEST_SIDE
-from shared.jpeg_writing import ROWS, JpegStrip, encode_strip, join_strips
-from tools.host.ahead import ahead
 
 from ..development import Development
-from ..samples import regrouped
+from ..samples import joined
 from .format import Format
-from .jpg import Jpeg, development_segments, jpeg_level, segment
+from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, development_segments, jpeg_level, segment
 
 OFFSET = 1 / 64
 """What is added to both pictures before their ratio is taken: the gain of black stays finite."""
@@ -41,7 +39,6 @@ _LEAST = 1  # stops: less range than this is no HDR
 _GAIN_QUALITY = 95  # of the map, which is even nearly everywhere, and so small
 _XMP, _ISO, _MPF = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0", b"MPF\0"
 _APP1, _APP2 = 0xE1, 0xE2
-_JFIF_ENDS = 20  # a JPEG's signature and its first segment
 _SAME_PRIMARIES, _UNIT = 0x40, 10**6  # ISO's metadata: a flag, and the denominator of all fractions
 _PRIMARY = 0x30000  # the type of the first picture in a Multi-Picture file: baseline primary image
 
@@ -143,16 +140,14 @@ class UltraHdr(Format):
         """See `Format`."""
         level, segments, gains = jpeg_level(development.kind.quality), development_segments(development), _gains(development)
 
-        def encoded(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip, int]:
-            picture, codes = rows[..., :3].copy(), rows[..., 3].copy()  # copies, even of one pixel: the codec looks at the strides
-            return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444"), int(codes.max())
-
-        pictures, maps, highest = zip(*ahead(encoded, regrouped(bands, ROWS), threads), strict=True)
-        capacity = gains.capacity(max(highest))
+        # Copies, even of one pixel: the codec looks at the strides.
+        samples = joined(bands, development.written_shape[0])
+        capacity = gains.capacity(int(samples[..., 3].max()))
         described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
-        gain_map, base = join_strips(maps, described), join_strips(pictures, segments)
+        gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
+        base = baseline_jpeg(samples[..., :3].copy(), level, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
-        inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), _JFIF_ENDS + len(segments)
+        inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), JFIF_ENDS + len(segments)
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
         file.write(b"".join((base[:place], inserted, sizes, base[place:], gain_map)))
 

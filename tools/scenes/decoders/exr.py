@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.errors import InputError
-from shared.reading import data_bytes
 
 from ..encoding import Encoding, space_of
+from ..file_size import data_bytes
 from ..limited import Facts, run_limited
 from ..scene import RGB, check_size, scene_channels
 from .decoded import MOST_PAGES, Decoded, PictureFormat, guarded, remark_on_unused

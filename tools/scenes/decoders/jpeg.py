@@ -8,8 +8,9 @@ import numpy as np
 from shared.dng import read_metadata
 from shared.errors import InputError
 from shared.jpeg_check import JpegHeader, read_header
-from shared.reading import data_bytes, read_whole
+from shared.reading import read_whole
 
+from ..file_size import data_bytes
 from ..scene import check_size
 from .decoded import Decoded, PictureFormat, exif_encoding, profile_encoding, remark_on_unused
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.errors import InputError
-from shared.reading import data_bytes
 
+from ..file_size import data_bytes
 from ..scene import RGB, check_size
 from .decoded import Decoded, PictureFormat, channels_of, without_alpha
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from shared.dng import read_metadata
 from shared.errors import InputError
-from shared.reading import data_bytes
 
 from ..encoding import SRGB, Encoding, coded_encoding, power_curve, space_of
+from ..file_size import data_bytes
 from ..scene import check_size
 from .decoded import Decoded, PictureFormat, profile_encoding, remark_on_unused, without_alpha
 

@@ -11,10 +11,10 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import D65_XY
 from shared.dng import read_metadata
 from shared.errors import InputError
-from shared.reading import data_bytes
-from shared.tiff_check import PLAIN, check_directories, check_pieces
+from shared.tiff_check import PLAIN, check_directories
 
 from ..encoding import SRGB, Curve, Encoding, space_of, table_curve
+from ..file_size import check_pieces, data_bytes
 from ..scene import RGB, check_size
 from .decoded import (
     MOST_PAGES,

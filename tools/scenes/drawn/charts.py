@@ -14,8 +14,8 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, lab_to_xyz
-from shared.perspective import apply_homography, homography, rectangle
 
+from ..perspective import apply_homography, homography, rectangle
 from ..scene import Scene
 
 CARD, PAPER, INK = 0.035, 0.80, 0.03  # reflectances; CARD is what is around patches

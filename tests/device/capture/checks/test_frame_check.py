@@ -14,9 +14,9 @@ from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
 from tests.scenes import leaves
+from tools.camera.sensor import simulate_additive
 
 SIZE = (192, 256)
 SCENE = leaves(*SIZE)

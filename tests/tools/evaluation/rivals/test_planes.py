@@ -8,7 +8,7 @@ import pytest
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive, simulate_sensor
+from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.rivals import planes as module
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.rivals.planes import denoised_planes, planes, sharpened_planes

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .arrays import DoubleArray
-from .colorimetry import CIE_EPSILON, CIE_KAPPA, D50
+from shared.arrays import DoubleArray
+from shared.colorimetry import CIE_EPSILON, CIE_KAPPA, D50
 
 
 def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:

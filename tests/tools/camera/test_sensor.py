@@ -12,10 +12,10 @@ import pytest
 from shared import CfaPattern, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
 from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference import geometry
 from tests.reference.sensor import observe
+from tools.camera.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
 
 ERRORS = 5  # standard errors
 FLOAT32 = 4e-7  # rounding of two float32 of up to 3 scene units

@@ -1,6 +1,8 @@
 """The rendered picture as a DNG, opened with LibRaw as a raw developer opens it."""
 
+import struct
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +12,15 @@ from tifffile import TiffFile, TiffPage
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
+from shared.dng import codec, decode_dng, decode_preview, read_metadata
+from shared.dng.exif_reading import text
+from shared.dng.tags import Tag
 from shared.errors import InputError
-from tests.shared.dng.examples import picture_dng
+from shared.tiff import FieldType
+from shared.tiff_reading import read_directories
+from tests.exiftool import exiftool
+from tests.shared.dng.examples import METADATA
+from tests.tools.pictures.examples import picture_dng
 
 PATCH = 16
 QUANTISED = 1e-4  # of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
@@ -97,3 +106,37 @@ def test_colour_tags() -> None:
 def test_nonsense_is_refused(change: dict[str, Any], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         picture_dng(**{"rgb": patches(), **change})
+
+
+def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
+    data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
+    assert codec.verify(data) == (8, 12)
+    turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
+    turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
+    turned = turned.replace(_entry(Tag.ROWS_PER_STRIP, 8), _entry(Tag.ROWS_PER_STRIP, 12))
+    assert len(turned) == len(data)
+    assert turned != data
+    with pytest.raises(InputError, match="damaged"):
+        codec.verify(turned)
+
+
+def _entry(tag: int, value: int) -> bytes:
+    return struct.pack("<HHII", tag, FieldType.LONG, 1, value)
+
+
+def test_a_rendered_picture_is_no_mosaic() -> None:
+    rendering = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
+    with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):
+        decode_dng(rendering)
+    assert decode_preview(rendering).startswith(b"\xff\xd8")
+
+
+def test_the_source_is_known_and_the_camera_ours() -> None:
+    rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
+    assert read_metadata(BytesIO(rendered)) == METADATA
+    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main[Tag.MODEL]) == "Panchroma render"
+
+
+def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
+    (tmp_path / "picture.dng").write_bytes(picture_dng(np.full((9, 9, 3), 0.5, np.float32)))
+    assert exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path).decode().split() == ["OK"]

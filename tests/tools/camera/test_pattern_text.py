@@ -6,8 +6,8 @@ import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
-from shared.pattern_text import read_pattern
 from shared.tiles import TILES, name_of
+from tools.camera.pattern_text import read_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 

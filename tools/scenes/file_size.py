@@ -1,0 +1,47 @@
+"""Checks of what files declare against the bytes that they have."""
+
+import errno
+import os
+from collections.abc import Sequence
+from io import SEEK_END
+from pathlib import Path
+
+from shared.errors import InputError
+
+_MOST_HOLES = 4096
+_MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024  # more strips or tiles than this have that many pixels each
+
+
+def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixels: int) -> None:
+    """Raise InputError unless the strips or tiles of a picture lie in the file, share no bytes, and are not needlessly many.
+
+    offsets, lengths: of the strips or tiles, bytes.
+    end: length of the file.
+    pixels: of the picture.
+    """
+    # tifffile fills missing data with zeros: a black stripe in the picture instead of an error.
+    if not offsets or any(not length or offset + length > end for offset, length in zip(offsets, lengths, strict=True)):
+        raise InputError("the picture is cut short: it points beyond the end of the file; copy it again")
+    if sum(lengths) > end:
+        raise InputError("the strips of the picture overlap: the file is damaged, or made to fill the memory")
+    if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
+        raise InputError(f"{pixels} pixels in {len(offsets)} strips: the file is damaged, or made to waste time; save it again")
+
+
+def data_bytes(path: Path | str) -> int:
+    """Bytes of a file that are not in holes: a sparse file of a few bytes can seem to be as long as a terabyte.
+
+    On a file system that knows no holes: the length. More holes than any file has by accident count to the end.
+    """
+    with Path(path).open("rb", buffering=0) as file:
+        descriptor, end, found, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
+        if not hasattr(os, "SEEK_DATA"):
+            return end
+        try:
+            for _ in range(_MOST_HOLES):
+                start = os.lseek(descriptor, place, os.SEEK_DATA)
+                place = os.lseek(descriptor, start, os.SEEK_HOLE)
+                found += place - start
+        except OSError as error:
+            return found if error.errno == errno.ENXIO else end  # ENXIO: no data from here on
+        return found
