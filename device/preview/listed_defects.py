@@ -37,6 +37,8 @@ def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[
         same = _same_filter(pattern, *phase.tolist())
         left = places[(phases == phase).all(axis=1)]
         for count in _SEARCHED:
+            if not len(left):
+                break
             around = left[:, None] + same[:count]
             inside = ((around >= 0) & (around < codes.shape)).all(axis=2)
             rows, columns = np.where(inside[..., None], around, 0).transpose(2, 0, 1)
@@ -56,5 +58,5 @@ def _same_filter(pattern: CfaPattern, row: int, column: int) -> IndexArray:
     period, reach = pattern.period, _REACH * pattern.period
     planes = pattern.filter_map((period, period))
     steps = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
-    steps = steps[planes[tuple((steps + (row, column)).T % period)] == planes[row, column]]
+    steps = steps[planes[tuple((steps + np.array((row, column))).T % period)] == planes[row, column]]
     return steps[np.argsort(np.square(steps).sum(axis=1), kind="stable")[1 : _SEARCHED[-1] + 1]]
