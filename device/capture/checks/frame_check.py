@@ -25,6 +25,7 @@ _GREENS = f"the frame does not show whether the greens are on the right diagonal
 _COLOURS = f"the frame does not show whether each colour is where `pattern` says (it has little colour){_NEXT}"
 _ENOUGH = 2  # frames that confirm the description; the second shows that the first has as many rows as described
 _TILES = 64
+_STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 
 def checked(
@@ -99,6 +100,7 @@ class _Check:
         if shown is None and is_dark(codes, calibration):
             return [_UNPROVEN.format(reason="it is dark")]
         self._refuse(frame, impossible_level(codes, tiles, calibration) or self._contradiction(codes, tiles, shown=shown))
+        self._refuse(frame, self._unused_bits(frame))
         if shown is None:
             return [_UNPROVEN.format(reason=hindrance(codes, calibration))]
         if padding := layout.width - width:
@@ -128,6 +130,16 @@ class _Check:
         if shown is None and not is_even(codes, calibration) and lacks_filters(tiles, pattern, black, white):
             return "the samples at the places of the colour filters are as bright as their neighbours"
         return ""
+
+    def _unused_bits(self, frame: RawFrame) -> str:
+        """What is wrong with the bits of packed groups that hold no sample: they are 0, as in Mono10Packed; "" if nothing."""
+        layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
+        if packing.words:
+            return ""
+        used = np.frombuffer(sum(packing.moves.values()).to_bytes(packing.length, "little"), np.uint8)
+        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)[:: max(layout.height // 64, 1)]
+        groups = lines[:, : layout.line_bytes].reshape(-1, packing.length)
+        return f"bits that {layout.format} leaves unused hold something" if (groups & ~used).any(axis=1).mean() > _STRAY else ""
 
     def _refuse(self, frame: RawFrame, reason: str) -> None:
         """Raise InputError with the reason, if there is one."""
