@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from shared import CfaPattern
+from shared.arrays import CodeArray
 from tests.device.capture.checks.test_frame_check import KODAK, SIZE, of, refusal, taken
 from tests.device.packer import pack
 from tools.scenes.drawn.builtin import builtin_scene
@@ -22,5 +24,5 @@ for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         ((256 + 3000 * BAYER.clip(0, 1)).astype(np.uint16), KODAK),
     ],
 )
-def test_a_scattered_pattern_and_others_are_not_taken_for_each_other(codes, pattern) -> None:  # type: ignore[no-untyped-def]
+def test_a_scattered_pattern_and_others_are_not_taken_for_each_other(codes: CodeArray, pattern: CfaPattern | None) -> None:
     refusal(pack(codes, "u16"), of(pattern=pattern) if pattern else of())
