@@ -19,8 +19,8 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "11"
-"""Version of the builder, stored in the graph; increase it whenever the bytes of a graph change."""
+BUILDER = "12"
+"""Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or pictures of `Preview`."""
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> bytes:

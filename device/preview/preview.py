@@ -119,8 +119,7 @@ class Preview:
         """The frame without shading and listed defects, extended to `rows` and `columns`; and all other inputs of the graph."""
         even, levels = even_light(mosaic)
         inputs = self._inputs(mosaic.calibration) | levels
-        black, scale, grey = inputs[contract.BLACK], inputs[contract.SCALE], 1 / mosaic.calibration.full_scale
-        codes = without_defects(even, mosaic.pattern, mosaic.calibration.defects, black, scale, grey)
+        codes = without_defects(even, mosaic.pattern, mosaic.calibration.defects)
         return ExtendedFrame(codes, mosaic.pattern, rows, columns), inputs
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:

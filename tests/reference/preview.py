@@ -13,7 +13,6 @@ from shared import Mosaic
 from shared.arrays import DoubleArray
 from shared.display import SATURATED
 from tests.reference.chromaticity import solve_block
-from tests.reference.geometry import mirrored
 
 FLOOR, STILL = 1e-3, 1e-4  # of luminance
 GAP, GAP_NOISE, MISSED_NOISE, CONTRAST_ERROR = 12.0, 8.0, 2.0, 0.5
@@ -27,7 +26,7 @@ Sample = Callable[[int, int], float]
 def sampler(mosaic: Mosaic) -> Sample:
     """The signal at any pixel, inside the frame or not."""
     pattern, (height, width) = mosaic.pattern, mosaic.shape
-    period, clear = pattern.period, len(pattern.channels)
+    period = pattern.period
     planes = pattern.filter_map((period, period))
 
     def plane(row: int, column: int) -> int:
@@ -38,9 +37,7 @@ def sampler(mosaic: Mosaic) -> Sample:
         return min(alike, key=lambda each: abs(each - place)) if alike else min(max(place % period, 0), size - 1)
 
     def sample(row: int, column: int) -> float:
-        image = mirrored(row, height), mirrored(column, width)
-        if not plane(row, column) == plane(*image) == clear:
-            image = nearest(row, height), nearest(column, width)
+        image = nearest(row, height), nearest(column, width)
         number = plane(row, column)
         calibration = mosaic.calibration
         return float((int(mosaic.codes[image]) - calibration.black_level[number]) * calibration.scale()[number])

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import fields
 from typing import Any
 
-from shared import Camera, CfaPattern, read_camera
+from shared import Camera, CfaPattern
 from shared.errors import InputError
 from tools.host.console import to_stdout
 from tools.host.signals import starting_service
@@ -13,7 +13,6 @@ from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_so
 
 from .options import add, amount, camera_of, factor, option
 
-AUTO = "auto"
 LAYOUT = ("width", "height", "pixel_format", "stride")
 """Arguments that `add_layout` adds."""
 
@@ -49,7 +48,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     unchecked = "do not compare the first frames with these options; without it, frames that prove one of them wrong are refused"
     option(frames, "--unchecked", unchecked)
     option(frames, "--new", "skip frames that are in the folder already")
-    more = f"; or {AUTO}: the first frame tells it, for tiles with a name"
+    more = "; `panchroma identify` finds it in one raw frame"
     add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin", more=more)
     settings = parser.add_argument_group(
         "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
@@ -77,13 +76,8 @@ def source_of(arguments: argparse.Namespace) -> FrameSource:
         return open_source(given, lambda known: _described(arguments, known))
 
 
-def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern | None]:
-    """The camera and the pattern; None = the frames are to tell it. known: that which the camera itself says."""
-    if arguments.pattern != AUTO:
-        return camera_of(arguments, known)
-    if arguments.period is not None or arguments.origin is not None:
-        raise InputError(f"--pattern {AUTO} finds period and origin; leave --period and --origin out")
-    camera = read_camera(arguments.camera) if arguments.camera else None
-    if camera and camera.pattern:
-        raise InputError(f"{arguments.camera}: the camera file says the pattern; leave --pattern {AUTO} out")
-    return camera, known
+def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern]:
+    """Return the camera and the pattern. known: that which the camera itself states."""
+    if arguments.pattern == "auto":
+        raise InputError("--pattern takes a name or letters; `panchroma identify` finds those of one raw frame")
+    return camera_of(arguments, known)

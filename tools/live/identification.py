@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from device.capture import identify
-from device.capture.checks.layout_search import candidates, likely_strides, read_as
 from device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
-from device.capture.identification import DENSE, UNKNOWN, pattern_of
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.pattern import PANCHROMATIC
 from shared.reading import opened_file
 
+from .identity import DENSE, UNKNOWN, identify, pattern_of
+from .readings import candidates, likely_strides, read_as
 from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 
 NOTHING = (
@@ -57,7 +56,7 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     reach = _NEAR * FORMATS[layout.format].length
     near = [stride + shift for stride in repeats for shift in range(-reach, reach + 1) if shift and stride + shift > 0]
     best, advice = 0.0, ""
-    for readings in (candidates(layout, strides, FORMATS), ((layout.format, stride, 0) for stride in near)):
+    for readings in (candidates(layout, strides), ((layout.format, stride, 0) for stride in near)):
         for name, stride, skipped in readings:
             found = identify(read_as(data, layout, name, stride, skipped))
             if found and found.name and found.certainty > best:

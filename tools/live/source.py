@@ -10,13 +10,12 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
-from itertools import chain, count, islice
+from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
 from typing import cast
 
 from device import Preview
-from device.capture import PreviewMaker, Sensor, identify
+from device.capture import PreviewMaker, Sensor
 from device.capture.checks.frame_check import checked
 from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
@@ -32,7 +31,6 @@ STREAM = "-"
 """Source of frames on standard input."""
 _BUILTIN = "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
-_FIRST = 4  # frames in which a pattern is looked for: exposure may settle in the first ones
 _LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
 _MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 
@@ -44,8 +42,8 @@ Note = Callable[[str], None]
 """Called with remarks."""
 Opened = Callable[[Stopped, Refused, Note], Iterator[RawFrame]]
 """Opens a source."""
-Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern | None]]
-"""What the user says of camera and pattern (None = the first frames tell it); given the pattern that the camera itself says."""
+Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern]]
+"""Camera and pattern as the user describes them; the argument is the pattern that the camera itself states."""
 
 
 @dataclass(frozen=True)
@@ -119,18 +117,15 @@ def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None)
 
 
 def open_source(given: SourceOptions, described: Described) -> FrameSource:
-    """Open the requested source of frames; where the first frames tell the pattern, wait for them.
+    """Open the requested source of frames.
 
-    Raises InputError if there is no such source, if a part of its description does not go with it, or if the first frames do not
-    tell the pattern.
+    Raises InputError if there is no such source, or if a part of its description does not go with it.
     """
     if given.source == STREAM or given.source.startswith((_BUILTIN, GENICAM)):
         given.refuse(["new"], "only a folder can already contain frames")
     if given.source.startswith(_BUILTIN):
         given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
         camera, pattern = described(None)
-        if pattern is None:
-            raise InputError(f'`pattern="auto"` does not go with {given.source}: it has the pattern that you choose')
         return _builtin(given.source, camera, pattern)
     if given.unchecked:
         given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
@@ -165,46 +160,11 @@ def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]
 
 
 def _source(
-    given: SourceOptions, layout: FrameLayout, bits: int, opened: Opened, camera: Camera | None, pattern: CfaPattern | None
+    given: SourceOptions, layout: FrameLayout, bits: int, opened: Opened, camera: Camera | None, pattern: CfaPattern
 ) -> FrameSource:
     """A source that does not wait, of the sensor that is described."""
-    remarks: tuple[str, ...] = ()
-    if pattern is None:
-        pattern, opened = _identified(given.source, layout, opened)
-        remarks = (
-            f"{given.source}: the first frames show the tile {pattern.name or 'of the paper'}, {' '.join(pattern.letters_from())}; "
-            "colours with equally many sites, as red and blue, may be exchanged: a picture of something red shows it",
-        )
-        if camera:
-            camera.check_pattern(pattern)
     sensor, notes = _described(given, layout, bits, camera, pattern)
-    return FrameSource(sensor, opened, False, remarks + notes, checks=not given.unchecked, covered=given.covered)
-
-
-def _identified(source: str, layout: FrameLayout, opened: Opened) -> tuple[CfaPattern, Opened]:
-    """The pattern that the first frames show; and the same source, already open, with these frames again."""
-    seen, misfits = list[RawFrame](), list[InputError]()
-    user = SimpleNamespace(stopped=lambda: False, refused=misfits.append, note=lambda _: None)  # who goes on is not known yet
-
-    def reopened(stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
-        user.__dict__.update(stopped=stopped, refused=refused, note=note)
-        for error in misfits:
-            refused(error)
-        return chain((seen.pop(0) for _ in range(len(seen))), frames)
-
-    # Each is looked up when it is called.
-    frames = opened(lambda: user.stopped(), lambda error: user.refused(error), lambda remark: user.note(remark))  # noqa: PLW0108
-    shown = ""
-    for frame in islice(frames, _FIRST):
-        seen.append(frame)
-        if found := identify(layout.unpack(frame.data)):
-            if found.pattern:
-                return found.pattern, reopened
-            shown = f"{found.name or 'a tile without a name'}, {' '.join(found.tile)}"
-    raise InputError(
-        f"{source}: the first {len(seen)} frames show {shown or 'no pattern of filters'}; "
-        '`pattern="auto"` takes a tile with a name, light and colours: `panchroma identify` says more, or name the pattern'
-    )
+    return FrameSource(sensor, opened, False, notes, checks=not given.unchecked, covered=given.covered)
 
 
 def recording() -> int | None:

@@ -5,7 +5,7 @@ import pytest
 
 from device.preview.border import ExtendedFrame
 from shared import CfaPattern
-from shared.arrays import CodeArray, mirrored
+from shared.arrays import CodeArray
 
 MARGINS = (-13, 11), (-9, 14)
 
@@ -32,16 +32,14 @@ def test_the_pattern_goes_on(pattern: CfaPattern, shape: tuple[int, int]) -> Non
 
 
 @pytest.mark.parametrize("shape", [(7, 40), (23, 17)])
-def test_clear_samples_are_mirrored_and_all_others_repeat_their_place_in_the_tile(shape: tuple[int, int]) -> None:
+def test_samples_repeat_their_place_in_the_tile(shape: tuple[int, int]) -> None:
     pattern, codes = CfaPattern.bayer(6, origin=(1, 2)), np.arange(shape[0] * shape[1], dtype=np.uint16).reshape(shape)
     whole = extended(codes, pattern)
-    clear = pattern.panchromatic_mask(shape)
     for place in np.ndindex(whole.shape):
         at = [index + low for index, (low, _) in zip(place, MARGINS, strict=True)]
-        image = tuple(int(mirrored(np.array(each), size)) for each, size in zip(at, shape, strict=True))
         alike = [np.arange(each % 6, size, 6) for each, size in zip(at, shape, strict=True)]
         repeated = tuple(int(same[np.abs(same - each).argmin()]) for same, each in zip(alike, at, strict=True))
-        assert whole[place] == codes[image if clear[image] and clear[repeated] else repeated]
+        assert whole[place] == codes[repeated]
 
 
 def test_pieces_are_those_of_the_whole() -> None:

@@ -1,12 +1,10 @@
 """`panchroma capture`: streams, folders and the built-in sensor become shots, and none of their frames is lost unsaid."""
 
-import fcntl
 import json
 import os
 import resource
 import signal
 import subprocess
-import termios
 import threading
 import time
 from contextlib import suppress
@@ -17,11 +15,10 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from device.capture import frame_folder, identify
+from device.capture import frame_folder
 from device.capture.frames import FrameLayout
 from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
-from shared.arrays import ByteArray, CodeArray
-from tests.device.capture.test_identification import SCENE, taken, tile_of
+from shared.arrays import ByteArray
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
@@ -34,9 +31,6 @@ from tools.scenes.drawn.builtin import builtin_scene
 SIZE, SHOWN = (20, 30), (96, 128)
 LAYOUT = ["--width", "30", "--height", "20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]
 DESCRIBED = ["--width", "128", "--height", "96", "--pixel-format", "raw12"]
-KODAK, BAYER = taken(SCENE, tile_of("Kodak", (1, 2))), taken(SCENE, tile_of("RG/GB"))
-DARK = np.full_like(KODAK, 256)
-UNKNOWN = ("--width", str(KODAK.shape[1]), "--height", str(KODAK.shape[0]), "--pixel-format", "Y12", "--pattern", "auto")
 ENDING = pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 
 
@@ -124,8 +118,8 @@ def shown(stride: int = 0) -> bytes:
 @pytest.mark.parametrize(
     ("data", "options", "words"),
     [
-        (shown(224) * 6, [], "rows repeat every 224 bytes, not 192; likely --stride 224."),
-        (shown() * 2, ["--pattern", "GRWWWW/BGWWWW" + 4 * "/WWWWWW"], "likely --pattern with blocks RGGB or BGGR."),
+        (shown(224) * 6, [], "; run `panchroma identify FRAME --width 128 --height 96 --pixel-format raw12 --stride 192`"),
+        (shown() * 2, ["--pattern", "GRWWWW/BGWWWW" + 4 * "/WWWWWW"], "the two greens of a block lie on the other diagonal"),
     ],
 )
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
@@ -332,50 +326,3 @@ def test_a_file_that_is_not_like_those_before_it_is_refused_alone(out: Path, fra
     done = run(frames, "-o", out, *MOVING, "--frames", "4", code=1)
     assert codes(out) == [unpacked(frame) for frame in scene]
     assert done.errors[0].partition(": ")[2].startswith(f"{frames / '3.raw'}: the frame does not show")
-
-
-# --- --pattern auto: the first frames tell the tile, and none of them is lost ----------------------------------------------------
-
-
-def test_the_pattern_of_the_first_frame_that_shows_one_is_recorded_in_all(out: Path) -> None:
-    data = b"".join(frame.astype("<u2").tobytes() for frame in (DARK, KODAK, KODAK))
-    done = piped(data, "-o", str(out), *UNKNOWN, "--wait", code=0)
-    recorded = [read_dng(path) for path in shots(out)]
-    assert [shot.codes.max() > 256 for shot in recorded] == [False, True, True]
-    assert {shot.pattern.letters_from() for shot in recorded} == {identify(KODAK).tile}
-    assert "the first frames show the tile Kodak" in done.err
-    assert "as red and blue, may be exchanged" in done.err
-
-
-def test_a_folder_gives_every_frame_and_refuses_what_is_none(frames: Path, out: Path) -> None:
-    (frames / "0.bin").write_bytes(b"no frame")
-    (frames / "1.raw").write_bytes(KODAK.astype("<u2").tobytes())
-    outcome = run(frames, "-o", out, *UNKNOWN, "--frames", "1")
-    assert read_dng(*shots(out)).pattern.name == "Kodak"
-    assert all("0.bin: 8 bytes are not a frame" in error for error in outcome.errors)
-
-
-@pytest.mark.parametrize(
-    ("frame", "words"),
-    [
-        (DARK, "the first 4 frames show no pattern of filters; --pattern auto takes a tile with a name, light and colours"),
-        (BAYER, "the first 4 frames show Bayer, "),
-    ],
-)
-def test_what_does_not_tell_a_tile_is_refused(frames: Path, out: Path, frame: CodeArray, words: str) -> None:
-    for number in range(4):
-        (frames / f"{number}.raw").write_bytes(frame.astype("<u2").tobytes())
-    outcome = run(frames, "-o", out, *UNKNOWN, code=2)
-    assert words in outcome.errors[0]
-    assert not list(out.glob("*"))
-
-
-@ENDING
-def test_a_signal_ends_it_while_it_waits_for_the_first_frame(out: Path, number: signal.Signals, code: int) -> None:
-    with start("capture", "-", "-o", out / "shots", *UNKNOWN, stdin=subprocess.PIPE) as process:
-        process.stdin.write("a part of a frame")
-        process.stdin.flush()
-        while fcntl.ioctl(process.stdin, termios.FIONREAD, b"    ") != bytes(4):  # until the pipe has been read from
-            time.sleep(0.02)
-        ended(process, number, code=code)
-    assert not list(out.iterdir())

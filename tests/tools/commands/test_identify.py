@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import tifffile
 
-from device.capture import identify
 from device.capture.frames import FrameLayout
 from shared import CfaPattern, SensorCalibration
 from shared import write_dng as write_shot
 from shared.arrays import CodeArray
 from tests.data import photograph
-from tests.device.capture.test_identification import SCENE, taken, tile_of
 from tests.device.packer import pack
 from tests.shared.dng.examples import preview
 from tests.tools.command import run, spawn
+from tests.tools.live.test_identity import SCENE, taken, tile_of
 from tests.tools.scenes.files import LINEAR_RAW, write_dng
 from tools.camera.pattern_text import read_pattern
 from tools.camera.sensor import simulate_additive
+from tools.live.identity import identify
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))

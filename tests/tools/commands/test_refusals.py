@@ -96,7 +96,7 @@ USAGE = {
         "--black 0": "--black does not go with builtin:64x48@9",
         "--gain 3": "--gain does not go with builtin:64x48@9",
         "--latest .": "exists and is no link",
-        "--pattern auto": "--pattern auto does not go with builtin:64x48@9",
+        "--pattern auto": "--pattern takes a name or letters; `panchroma identify` finds those of one raw frame",
         "--camera gone.json": "gone.json: there is no such file",
         "--camera six.json --period 8": "six.json: the pattern is RGB period 8",
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
@@ -114,8 +114,6 @@ USAGE = {
         "--black -1": "--black is -1, expected a code from 0 to 2047",
         "--black 2048": "--black is 2048, expected a code from 0 to 2047",
         "--black 16 --camera camera.json": "--black does not go with --camera",
-        "--pattern auto --origin 0 0": "leave --period and --origin out",
-        "--pattern auto --camera six.json": "the camera file says the pattern",
         "--camera six.json --period 8": "the camera file's RGB period 6",
     },
     "view builtin:64x48@9": {

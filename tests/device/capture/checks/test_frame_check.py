@@ -1,7 +1,6 @@
-"""Frames whose description is right are believed, wrong ones are refused with the right value, and dark ones prove nothing."""
+"""Frames whose description is right are believed, wrong ones are refused, and dark ones prove nothing."""
 
 from functools import cache
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 from device.capture import Sensor
 from device.capture.checks.frame_check import checked
-from device.capture.checks.layout_search import _SEARCHED, LayoutSearch, likely_strides
 from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
@@ -25,8 +23,7 @@ PATTERN = CfaPattern.bayer(6, origin=(2, 1))
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
 TWO_BLOCKS = CfaPattern.of_letters("RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1))
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
-# Each format is taken for another once, and each that is searched is found once or twice; all pairs were right once.
-MISREAD = [(n, _SEARCHED[(n + 1) % len(_SEARCHED)], wrong) for n, wrong in enumerate(FORMATS)]
+PLACE = "the colour sites are not where `pattern`, `period` and `origin` say"
 OPEN = "the frame does not show whether size, format and pattern are right"
 
 
@@ -70,7 +67,9 @@ def refusal(data: bytes, described: Sensor) -> str:
         look(data, described)
     message = str(caught.value)
     assert message.startswith("the frame is not as described: ")
-    assert message.endswith(". If the description is right, add `unchecked`")
+    size = f"--width {described.layout.width} --height {described.layout.height}"
+    packing = f"--pixel-format {described.layout.format} --stride {described.layout.stride}"
+    assert message.endswith(f"; run `panchroma identify FRAME {size} {packing}`. If the description is right, add `unchecked`")
     return message
 
 
@@ -92,72 +91,52 @@ def test_what_is_described_rightly_is_believed(number: int) -> None:
 
 def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at() -> None:
     levels = (np.full(SIZE, level, np.uint16) for level in (256, 4095))
-    for dark in (random_codes(SIZE, 12), random_codes(SIZE, 3) + np.uint16(252), *levels):
+    for dark in (random_codes(SIZE, 3) + np.uint16(252), *levels):
         (note,) = look(pack(dark, "u16") * 3, of())
         assert note.startswith(OPEN)
-    assert "`origin=2 1`." in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6)))
+    assert PLACE in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6)))
 
 
 @pytest.mark.parametrize(
-    ("sent", "described", "words"),
+    ("sent", "described"),
     [
-        (("raw10", 400), of("raw10"), "likely `stride=400`."),
-        (("raw12", 448), of("raw12", stride=401), "likely `stride=448`."),
-        (("raw10", 448), of("raw10", stride=640), "likely `stride=448`."),
-        (("raw12", 416), of("raw12", stride=430), "likely `stride=416`."),
-        (("raw10", 512), of("raw10", stride=409), "likely `stride=512`."),
-        # 12 pixels more a row: each block is still over another, but the scene is sheared.
-        (("u16", 536), of(), "likely `stride=536`."),
-        (("raw10",), of("raw10", width=232), "`stride=320`"),
-        (("raw12",), of("raw12", width=262), "`stride=384`"),
-        (("u16",), of(width=250), "`stride=512`"),
-        *((("raw12",), of("raw12", height=height), "likely another `height`") for height in (185, 191, 194, 220)),
+        (("raw10", 400), of("raw10")),
+        (("raw12", 448), of("raw12", stride=401)),
+        (("raw10", 448), of("raw10", stride=640)),
+        (("raw12", 416), of("raw12", stride=430)),
+        (("u16", 536), of()),  # 12 pixels more a row: each block is still over another, but the scene is sheared
+        (("raw10",), of("raw10", width=232)),
+        (("raw12",), of("raw12", width=262)),
+        (("u16",), of(width=250)),
+        *((("raw12",), of("raw12", height=height)) for height in (185, 191, 194, 220)),
         # A width that takes some of what fills each line to the stride.
-        *(
-            ((name, 576, PATTERN, padding), of(name, width=276, stride=576), "likely `width=256` `stride=576`.")
-            for name, padding in product(("raw10", "raw12", "u16", "mono12packed"), (0, 0xA5))
-        ),
-        *(
-            (("u16", 0, PATTERN, 0, light), of(bits=bits), "likely `sensor_bits=12`.")
-            for bits, light in ((10, 1.0), (14, 1.0), (16, 1.0), (14, 0.2), (14, 5.0), (16, 5.0))
-        ),
-        *((("raw12",), of("raw12", CfaPattern.bayer(period)), "likely `period=6` `origin=2 1`.") for period in (3, 4, 5, 12)),
-        *((("u16",), of(pattern=CfaPattern.bayer(6, origin=place)), "likely `origin=2 1`.") for place in ((3, 1), (2, 0), (5, 4))),
-        *(
-            ((right, 544), of(wrong, CfaPattern.bayer(4)), f"not as {wrong}; likely `pixel_format={right}` `stride=544`")
-            for right, wrong in (("raw10", "raw12"), ("u16", "raw10"), ("raw14", "mono12p"))
-        ),
-        (("raw12", 400, KODAK), of("raw12", KODAK, stride=416), "likely `stride=400`."),
-        (("raw12", 400, KODAK), of("raw12", KODAK, width=250), "`stride=400`"),
-        (("raw12", 400, KODAK), of("raw12", KODAK, height=191, stride=400), "likely another `height`"),
-        (("raw12", 400, KODAK), of("u16", KODAK), "`pixel_format=raw12` `stride=400`"),
-        (("u16", 0, TWO_BLOCKS), of(pattern=CfaPattern(TWO_BLOCKS.tile, (3, 2))), "likely `origin=3 1`."),
+        *(((name, 576, PATTERN, padding), of(name, width=276, stride=576)) for name in ("raw10", "u16") for padding in (0, 0xA5)),
+        *((("u16", 0, PATTERN, 0, light), of(bits=bits)) for bits, light in ((10, 1), (14, 1), (16, 1), (14, 0.2), (16, 5))),
+        *((("raw12",), of("raw12", CfaPattern.bayer(period))) for period in (3, 4, 5, 8, 12)),
+        *((("raw12", 0, CfaPattern.bayer(3, "RGGB")), of("raw12", CfaPattern.bayer(period, "RGGB"))) for period in (6, 9)),
+        *((("u16",), of(pattern=CfaPattern.bayer(6, origin=place))) for place in ((3, 1), (2, 0), (5, 4))),
+        (("raw12", 400, KODAK), of("raw12", KODAK, stride=416)),
+        (("raw12", 400, KODAK), of("raw12", KODAK, width=250)),
+        (("raw12", 400, KODAK), of("raw12", KODAK, height=191, stride=400)),
+        (("raw12", 400, KODAK), of("u16", KODAK)),
+        (("u16", 0, TWO_BLOCKS), of(pattern=CfaPattern(TWO_BLOCKS.tile, (3, 2)))),
     ],
 )
-def test_what_is_described_wrongly_is_refused_with_the_right_value(sent: Any, described: Sensor, words: str) -> None:
-    assert words in refusal(stream(*sent), described)
+def test_what_is_described_wrongly_is_refused(sent: Any, described: Sensor) -> None:
+    refusal(stream(*sent), described)
 
 
-@pytest.mark.parametrize("name", ["u16", "u16be"])
-def test_rows_resemble_each_other_in_words_whose_lower_bytes_are_noise(name: str) -> None:
-    assert likely_strides(pack(codes(bits=14, sigma=0.03)[:48], name, 544), 512)[0] == 544
-
-
-@pytest.mark.parametrize("shift", [-3, 3])
-def test_rows_that_are_shifted_by_two_pixels_show_a_checkerboard_less_clearly(shift: int) -> None:
-    data = pack(np.hstack(np.split(codes(KODAK), 8)), "raw12")
-    search = LayoutSearch(data, FrameLayout(2048, 24, "raw12", 3100), KODAK)
-    reading = search.best([3072 + shift])
-    assert reading.stride == 3072 + shift
-    assert search.refined(reading).stride == 3072
-
-
-@pytest.mark.parametrize(("number", "right", "wrong"), MISREAD)
-def test_the_format_is_judged_before_place_and_levels(number: int, right: str, wrong: str) -> None:
-    """In a wrong format colour sites seem to be elsewhere, and levels to be higher: that is no advice to follow."""
-    frame = pack(codes(bits=min(FORMATS[right].bits, 12))[:96, :128], right, 288)
-    described = of(wrong, CfaPattern.bayer(6, origin=((0, 0), (2, 1))[number % 2]), width=128, height=96, stride=288)
-    assert f"likely `pixel_format={right}`" in refusal(frame * 3, described)
+@pytest.mark.parametrize("origin", [(0, 0), (2, 1)])
+@pytest.mark.parametrize("right", FORMATS)
+def test_every_format_taken_for_another_is_refused(right: str, origin: tuple[int, int]) -> None:
+    """Or passes with a remark: bytes of which one in three tells little."""
+    frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
+    for wrong in FORMATS:
+        described = of(wrong, CfaPattern.bayer(6, origin=origin), stride=544)
+        if (right, wrong) == ("mono10packed", "u8") and origin == (2, 1):
+            assert OPEN in look(frame * 3, described)[0]
+        elif right != wrong:
+            refusal(frame * 3, described)
 
 
 def test_a_clipped_or_black_edge_is_no_padding() -> None:
@@ -171,7 +150,7 @@ def test_the_green_diagonal() -> None:
     frame = pack(codes(), "u16")
     for order in ("GRBG", "GBRG"):
         described = of(pattern=CfaPattern.bayer(6, order, PATTERN.origin))
-        assert "likely `pattern` with blocks RGGB or BGGR." in refusal(frame, described)
+        assert "the two greens of a block lie on the other diagonal" in refusal(frame, described)
     assert look(frame, of(pattern=CfaPattern.bayer(6, "BGGR", PATTERN.origin))) == []  # only a chart tells red from blue
     tinted = codes().astype(np.float64) - 256  # greens that differ by the sensor are no proof
     tinted[PATTERN.block_origin[0] :: 6, PATTERN.block_origin[1] + 1 :: 6] *= 1.03
@@ -203,7 +182,7 @@ def test_colours_that_a_grey_scene_does_not_show_are_told_and_looked_at_again() 
     assert "other diagonal" in refusal(grey * 3 + lit, of("raw12", wrong))
     assert "other diagonal" in refusal(grey * 7 + lit, of("raw12", wrong))
     grey, lit = pack(taken(GREY, KODAK), "raw12"), pack(codes(KODAK), "raw12")
-    assert "likely `origin=" in refusal(grey * 3 + lit, of("raw12", CfaPattern(KODAK.tile, (1, 0))))
+    assert "its colours are at other sites" in refusal(grey * 3 + lit, of("raw12", CfaPattern(KODAK.tile, (1, 0))))
 
 
 @pytest.mark.parametrize(
@@ -224,7 +203,7 @@ def test_samples_that_are_shifted_up(bits: int, light: float) -> None:
     shifted = pack(codes(bits=bits, light=light) << np.uint16(16 - bits), "u16") * 2
     assert not any(OPEN in remark for remark in look(shifted, of(bits=16)))
     if light == 1.0 or bits < 14:
-        assert "likely `sensor_bits=16`." in refusal(shifted, of(bits=bits))
+        assert f"more than {bits} bits hold" in refusal(shifted, of(bits=bits))
 
 
 def test_sensors_of_another_kind() -> None:
@@ -232,8 +211,8 @@ def test_sensors_of_another_kind() -> None:
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         bayer[row::2, column::2] = SCENE[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
     grey = GREY + np.random.default_rng(0).normal(0, 0.01, SIZE)
-    for light, words in ((bayer, "ordinary Bayer sensor"), (grey, "without colour filters")):
-        assert words in refusal(pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of())
+    for light in (bayer, grey):
+        assert "as bright as their neighbours" in refusal(pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of())
 
 
 def test_stripes_are_no_proof_against_a_right_description() -> None:
@@ -248,7 +227,7 @@ def test_stripes_are_no_proof_against_a_right_description() -> None:
 
 def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/0001.raw")
-    with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described"):
+    with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw --width"):
         list(checked([frame], of(pattern=CfaPattern.bayer(5)), print))
 
 
@@ -260,9 +239,7 @@ def test_scattered_patterns_at_another_place() -> None:
         if (row, column) in (KODAK.origin, (3, 0)):
             assert look(frame, described) == []
             continue
-        message = refusal(frame, described)
-        assert "likely `origin=1 2`." in message or "likely `origin=3 0`." in message
-        assert ("its colours are at other sites of the tile" in message) == ((row + column) % 2 == 1)
+        assert ("its colours are at other sites of the tile" in refusal(frame, described)) == ((row + column) % 2 == 1)
 
 
 def dark_codes(black: float) -> CodeArray:
@@ -282,20 +259,20 @@ def test_dark_frames_of_any_black_level_pass_where_they_are_said_to_be_dark(blac
 
 
 def test_what_is_lit_or_too_large_is_not_dark() -> None:
-    with pytest.raises(InputError, match=r"nearly equal; likely light on the sensor \(cover the lens, or leave `covered` out\)"):
+    with pytest.raises(InputError, match="nearly equal: there is light on the sensor"):
         look_at_dark(codes(), 12)
-    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold; likely `sensor_bits=12`"):
+    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold"):
         look_at_dark(codes(), 10)
     described = of("raw12")
     packed = RawFrame.now((pack(dark_codes(70), "raw10") * 2)[: described.layout.frame_bytes])
-    with pytest.raises(InputError, match="another `pixel_format`"):  # packed words, read as other ones
+    with pytest.raises(InputError, match="not as described"):  # packed words, read as other ones
         list(checked([packed], described, print, covered=True))
 
 
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
-    assert "likely `covered`, if the lens is covered, and `black=N`" in refusal(dark_codes(16).tobytes() * 2, of())
+    assert "`black=N` states another level, `covered` that the lens is covered" in refusal(dark_codes(16).tobytes() * 2, of())
     part = codes().copy()
     part[:64, :64] = 0
     assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(pack(part, "u16"), of())
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
-    assert "likely `black=N` with the sensor's own black level" in refusal(low * 2, of("raw12"))
+    assert "darker than black" in refusal(low * 2, of("raw12"))

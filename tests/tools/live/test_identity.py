@@ -6,14 +6,13 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from device.capture import identify
-from device.capture.identification import DENSE, UNKNOWN
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
 from shared.tiles import TILES, letters_of
 from tests.data import photograph
 from tests.scenes import leaves
 from tools.camera.sensor import simulate_additive
+from tools.live.identity import DENSE, UNKNOWN, identify, pattern_of
 
 SCENE = leaves(160, 216)
 LARGE = leaves(256, 320)
@@ -70,10 +69,8 @@ def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channel
         assert identity.name == name, origin
         assert same_sites(identity.tile, tile), origin
         assert identity.light.shape == (period, period)
-        if name in ("", *DENSE):
-            assert identity.pattern is None
-        else:
-            assert identity.pattern.letters_from() == identity.tile
+        if name not in ("", *DENSE):
+            assert pattern_of(identity.tile).letters_from() == identity.tile
 
 
 @pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])
@@ -90,7 +87,7 @@ def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str)
     """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
     red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
     identity = identify(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
-    assert (identity.name, identity.separation, identity.pattern) == ("", 0.0, None)
+    assert (identity.name, identity.separation) == ("", 0.0)
     assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
 
 
@@ -122,7 +119,7 @@ def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None
     assert identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
     identity = identify(taken(grey, tile_of("paper", (1, 4))))
     assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
-    assert identity.pattern is None
+    assert pattern_of(identity.tile) is None
 
 
 def test_a_simulated_sensor_is_recognised_up_to_the_exchange_of_colours() -> None:

@@ -4,12 +4,15 @@ So the two greens of a Bayer block show its diagonal, and scattered sites where 
 lie as they do for several places of the tile (half of all pixels, as on a checkerboard, leave only two).
 """
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from shared.arrays import ByteArray, CodeArray, DoubleArray
+from shared.calibration import SensorCalibration
 from shared.pattern import CfaPattern
+
+from .filters import places_alike
 
 _SIDES = (5, 3, 2)  # tiles of a group, each way: the largest of which there are enough; colours differ from group to group
 _GROUPS, _MOST = 16, 32  # with fewer the uncertainty of their mean is unknown; along a side of the frame, enough for any
@@ -19,37 +22,42 @@ _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _CERTAIN = 5.0  # standard errors
 
 
-def alike(codes: CodeArray, candidates: Sequence[CfaPattern], black_level: float, white_level: int) -> CfaPattern | None:
-    """The pattern whose sites of a channel read the same; None where the frame does not show which.
+def shows_colours(codes: CodeArray, pattern: CfaPattern, calibration: SensorCalibration, top: int = 0) -> bool | None:
+    """Return whether each colour is at the sites where `pattern` has it; None where the frame does not show it.
 
-    The first candidate is the answer where nothing can tell: where only channels are exchanged (a chart tells which is red).
+    True where no frame can show it: where only channels are exchanged (a chart tells which is red).
 
-    codes: a frame, (H, W).
-    candidates: patterns whose panchromatic pixels are the same, and are those of the frame.
-    black_level: mean code without light.
-    white_level: codes from here on are clipped, and equal for that reason.
+    codes: a frame, (H, W), that shows its panchromatic pixels where `pattern` has them. top: sensor row of the first.
     """
+    pattern = replace(pattern, origin=((pattern.origin[0] - top) % pattern.period, pattern.origin[1]))
+    candidates = [pattern]
+    if pattern.is_scattered:
+        candidates = [replace(pattern, origin=place) for place in places_alike(pattern, pattern.block_origin)]
+    elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
+        rows = [row[:2][::-1] for row in pattern.letters_from(pattern.block_origin)[:2]]
+        candidates.append(CfaPattern.with_block((rows[0], rows[1]), pattern.period, pattern.block_origin, pattern.channels))
+    black, white = float(np.mean(calibration.black_level)), calibration.white_level
     first, period = candidates[0], candidates[0].period
     corner = tuple((place - 1) % period for place in first.block_origin)  # a pixel before the block, which then is in one piece
     planes = [pattern.filter_map((period, period), (corner[0], corner[1])).ravel() for pattern in candidates]
     sites = planes[0] < len(first.channels)
     kinds = {(plane[sites, None] == plane[sites]).tobytes(): number for number, plane in reversed([*enumerate(planes)])}
     if len(kinds) == 1:
-        return first
+        return True
     groups = _groups(codes[corner[0] :, corner[1] :], period)
     if groups is None:
         return None
-    samples = np.where((groups[..., sites] >= white_level).any(axis=2, keepdims=True), black_level, groups[..., sites])
+    samples = np.where((groups[..., sites] >= white).any(axis=2, keepdims=True), black, groups[..., sites])
     beside = np.logical_or.reduce([np.roll(sites.reshape(period, -1), (d, r), (0, 1)) for d in (-1, 0, 1) for r in (-1, 0, 1)])
     clear = groups[..., beside.ravel() & ~sites]
     energies = {number: _energy(samples, planes[number][sites]) for number in kinds.values()}
     best = min(energies, key=lambda number: float(energies[number].mean()))
     # What makes sites of one channel differ, the scene or the sensor, is at most as large as this.
     scene = _COLOURED * _energy(clear, np.zeros(clear.shape[2], np.uint8))
-    level = np.maximum(samples.mean(axis=(1, 2)) - black_level, 0.0)
+    level = np.maximum(samples.mean(axis=(1, 2)) - black, 0.0)
     limit = np.maximum.reduce([energies[best], scene, np.square(_IMBALANCE * level) / 2])
     rivals = [0] if best else [number for number in energies if number != best]
-    return candidates[best] if all(_exceeds(energies[number], limit) for number in rivals) else None
+    return best == 0 if all(_exceeds(energies[number], limit) for number in rivals) else None
 
 
 def _groups(codes: CodeArray, period: int) -> DoubleArray | None:

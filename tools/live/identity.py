@@ -18,12 +18,11 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from device.capture.checks.tiles import Tiles
 from shared.arrays import BoolArray, CodeArray, DoubleArray
 from shared.errors import InputError
 from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
 from shared.tiles import TILES, name_of, place_of
-
-from .checks.pattern_search import Tiles
 
 DENSE = {
     "Bayer": "RG/GB",
@@ -81,11 +80,6 @@ class Identity:
         """K, 2 to 16."""
         return len(self.tile)
 
-    @property
-    def pattern(self) -> CfaPattern | None:
-        """The pattern, if all its letters are known and the tile has a name and panchromatic pixels; otherwise None."""
-        return pattern_of(self.tile) if self.name else None
-
 
 def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
     """The pattern with these letters from the first pixel on; None if one is unknown, or if Panchroma cannot use the tile."""
@@ -105,7 +99,7 @@ def identify(codes: CodeArray) -> Identity | None:
     the tile is one of DENSE. Of tiles with the same panchromatic sites the colours decide; where they do not, they are "?".
 
     >>> import numpy as np
-    >>> from device.capture import identify
+    >>> from tools.live.identity import identify
     >>> identify(np.full((300, 400), 512, np.uint16)) is None
     True
     """
