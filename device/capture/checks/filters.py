@@ -26,8 +26,8 @@ _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its
 _CLIPPED = 1 / 16  # of the samples of a tile: with more of them colour sites seem brighter than they are
 _AS_BRIGHT = 0.9  # relative to panchromatic pixels: colour sites that are brighter have no filter; median of tiles
 _PAIRS = 200  # of neighbours: with fewer the rates at which their bits differ are unknown
-# By so much more often may a bit of higher value differ than one of lower value. Of 120 random scenes of two levels in dots of 2 to 9
-# pixels 10 are more apart than 0.25, and 3 than 0.4, all with dots of 2 pixels; of photographs none is. Wrong packings are.
+# By so much more often may a bit of higher value differ than one of lower value. Of 120 random scenes of two levels, dots of 2 to
+# 9 pixels, ten are above 0.25, and three above 0.4, all with dots of 2 pixels. Wrong packings are above.
 _REVERSED = 0.4
 _UNUSED = 0.01  # rate of a bit that holds nothing
 
