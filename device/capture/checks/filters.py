@@ -26,7 +26,9 @@ _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its
 _CLIPPED = 1 / 16  # of the samples of a tile: with more of them colour sites seem brighter than they are
 _AS_BRIGHT = 0.9  # relative to panchromatic pixels: colour sites that are brighter have no filter; median of tiles
 _PAIRS = 200  # of neighbours: with fewer the rates at which their bits differ are unknown
-_REVERSED = 0.25  # more often than a bit of lower value may one of higher value differ: edges between two levels reach 0.2
+# By so much more often may a bit of higher value differ than one of lower value. Of 120 random scenes of two levels, dots of 2 to
+# 9 pixels, ten are above 0.25, and three above 0.4, all with dots of 2 pixels. Wrong packings are above.
+_REVERSED = 0.4
 _UNUSED = 0.01  # rate of a bit that holds nothing
 
 
