@@ -1,4 +1,5 @@
 import ctypes
+import json
 import os
 import re
 import signal
@@ -7,7 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
+from time import sleep
 from typing import Any
+from urllib.request import urlopen
 
 import imagecodecs
 import numpy as np
@@ -31,6 +34,16 @@ def viewing(*arguments: str | Path, source: str = "builtin:192x128@20", stdin: A
             yield process, found[0]
         finally:
             process.kill()  # the test failed, or it has ended
+
+
+def wait_for_pictures(url: str, number: int) -> None:
+    """Wait until so many have been shown: a frame that comes before the one before it is shown takes its place."""
+    for _ in range(600):
+        with urlopen(f"{url}status", timeout=60) as answer:
+            if json.load(answer)["frames"] >= number:
+                return
+        sleep(0.1)
+    pytest.fail(f"{number} pictures are not shown")
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
@@ -62,9 +75,11 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
 def test_a_camera_that_ends_between_two_frames_is_told() -> None:
     options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10"]
     reading, writing = os.pipe()
-    with viewing(*options, source="-", stdin=reading) as (process, _):
+    with viewing(*options, source="-", stdin=reading) as (process, url):
         os.close(reading)
-        os.write(writing, codes(0).tobytes() * 2)
+        for number in (1, 2):
+            os.write(writing, codes(0).tobytes())
+            wait_for_pictures(url, number)
         os.close(writing)
         told = ended(process, code=1).err
     assert "the camera has ended after 2 pictures; start it again" in told
@@ -91,6 +106,7 @@ def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> Non
         browser.until("document.body?.dataset.state === 'waiting'")
         for number in range(2):
             os.write(writing, np.maximum(codes(number), 1023 * (number == 1)).astype("<u2").tobytes())
+            wait_for_pictures(url, number + 1)
         browser.until("document.body.dataset.state === 'silent'")
         for _ in range(2):
             assert browser.until("picture.naturalWidth") == 30
