@@ -27,6 +27,11 @@ _DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise
 _UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
 _STRIP = 256
+# Chosen: they decide between frames that would do.
+_CANDIDATES = 4  # frames that are tried as the reference
+_ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
+_BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
+_AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +113,7 @@ class Reference:
         return judged, Kept(frame, motion, agrees)
 
     def _agreement(self, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:
-        """How far a frame agrees, by luminance and by the colours of its blocks. light: as the reference would see it."""
+        """Return how far a frame agrees, by luminance and by the colours of its blocks. light: as the reference would see it."""
         mask = self.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
         measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
         agrees = agreement(self.frame, View(light, frame.noise, frame.limit), measured)
@@ -177,13 +182,6 @@ def _unevenness(reference: View, frame: View, seen: BoolArray) -> float:
         return 0.0
     ratio = np.log(other[lit] / own[lit])
     return float(np.expm1(np.quantile(np.abs(ratio - np.median(ratio)), 0.75)))
-
-
-# Chosen: they decide between frames that would do.
-_CANDIDATES = 4  # frames that are tried as the reference
-_ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
-_BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
-_AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,7 +65,7 @@ class ParallelKernel(Generic[P]):
         in_pieces(lambda *part: compiled(part, *arguments), pieces, pieces if largest <= LITTLE else together)
 
     def compile(self) -> Callable[..., None]:
-        """Read it from the disk, or compile it and keep it there; returns it."""
+        """Read the machine code from the disk, or compile it and keep it there; return the function."""
         if self._compiled is None:
             with _compiling:
                 if self._compiled is None:

@@ -117,7 +117,7 @@ class _Check:
         return left if self._bits else [*left, f"{open_question}{_NEXT}"]
 
     def _contradiction(self, codes: CodeArray, tiles: Tiles, *, shown: bool | None) -> str:
-        """What the tiles of a frame that is not dark prove wrong; "" if nothing."""
+        """Return what the tiles of a frame that is not dark prove wrong; "" if nothing."""
         pattern, calibration, layout = self._sensor.pattern, self._sensor.calibration, self._sensor.layout
         if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
             return f"the bits of its samples are not in the order of {layout.format}"
@@ -132,7 +132,7 @@ class _Check:
         return ""
 
     def _unused_bits(self, frame: RawFrame) -> str:
-        """What is wrong with the bits of packed groups that hold no sample: they are 0, as in Mono10Packed; "" if nothing."""
+        """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in Mono10Packed; "" if nothing."""
         layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
         if packing.words:
             return ""
