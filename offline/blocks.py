@@ -13,7 +13,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 
-from .kernels.outliers import surroundings
+from .kernels.surroundings import surroundings
 from .kernels.pieces import BLOCK_ROWS, in_strips
 
 _WIDEST = 4  # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours

@@ -22,7 +22,7 @@ from shared.site_errors import nearness
 from .blocks import Sites, curvature
 from .cleaned import Cleaned, unclipped_blocks
 from .gaussian import gaussian, smoothed
-from .kernels import sites as kernels
+from .kernels.sites import share_out
 from .kernels.pieces import BLOCK_ROWS, copied, in_strips
 from .measured import EVEN, BlockSamples
 from .settings import Switch
@@ -133,7 +133,7 @@ def most_probable(
             fill_variance += believed[part] * (most - fill_variance)
         noise = np.zeros_like(error[part]) if variance is None else variance[part]
         known = error[part], colour[part], fill_variance, tint, noise
-        kernels.share_out(*known, sites.channels, near, light[part], tints[part])
+        share_out(*known, sites.channels, near, light[part], tints[part])
 
     in_strips(work, len(error), BLOCK_ROWS // 4)
     return light, tints

@@ -20,7 +20,8 @@ from shared.progress import SILENT, Progress
 from ..blocks import BlockSums, Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
-from ..kernels.spreading import HALO, TILE, TOLERANCE, Samples, spread_samples, tiles_of
+from ..kernels.linked import TILE, tiles_of
+from ..kernels.spreading import HALO, TOLERANCE, Samples, spread_samples
 from ..measured import Measured
 from ..parts import Look, Part, RowStage
 from ..solvers import report

@@ -14,7 +14,7 @@ from .pieces import tiles
 
 _ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time: 12 % faster than two with the registers of AVX-512, 1 % slower with those of AVX2
-_NONE, _ONE = np.float32(0), np.float32(1)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
 
@@ -73,7 +73,7 @@ def _gather(source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colo
     """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights by the other pixel's light."""
     for column in range(len(places)):
         light[column] = source[places[column]]
-        colour[0, column] = max(light[column], _NONE)
+        colour[0, column] = max(light[column], _ZERO)
     for channel in range(tints.shape[1]):
         for column in range(len(places)):
             colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]
@@ -124,7 +124,7 @@ def _weigh(
 @kernel
 def _weight(exponent: Lanes) -> Lanes:
     """e^x, and 0 below an exponent of -87."""
-    return where_less(exponent, LEAST_EXPONENT, _NONE, exponential(exponent))
+    return where_less(exponent, LEAST_EXPONENT, _ZERO, exponential(exponent))
 
 
 @kernel
@@ -133,7 +133,7 @@ def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radiu
 
     Two rows are computed together, which have most neighbours in common. Beside the edges nothing is right, and nothing is used.
     """
-    nothing = _NONE * load(colour, (0, 0, 0))
+    nothing = _ZERO * load(colour, (0, 0, 0))
     for row in range(rows[0], rows[1], 2):
         for column in range(columns[0], columns[1], WIDTH):
             for plane in range(0, len(colour), _TOGETHER):

@@ -30,7 +30,7 @@ _LEAST_LIGHT, _LEAST_ACTIVITY = np.float32(1e-4), np.float32(1e-30)  # scene uni
 _DIM, _LEAST_DIM = np.float32(0.2), np.float32(1e-5)
 _DARK = np.float32(DARK)
 _THIRD, _HALF, _SIXTH = np.float32(1 / 3), np.float32(np.sqrt(1 / 2)), np.float32(np.sqrt(1 / 6))
-_NONE, _ONE, _TWO, _LOG = np.float32(0), np.float32(1), np.float32(2), np.float32(0.3)
+_ZERO, _ONE, _TWO, _LOG = np.float32(0), np.float32(1), np.float32(2), np.float32(0.3)
 
 Places = tuple[Ints1, Ints1]
 
@@ -94,7 +94,7 @@ def survey(
         for column in range(MARGIN, width - MARGIN):
             evidence = _around(contrasts[0], row, column)
             scale = np.sqrt(max(evidence + _LUMINANCE * _around(contrasts[1], row, column), _LEAST_ACTIVITY))
-            beyond = max(evidence - np.float32(GATE) * _around(variance, row, column), _NONE)
+            beyond = max(evidence - np.float32(GATE) * _around(variance, row, column), _ZERO)
             state[3, row, column] = scale
             state[4, row, column] = min(scale, _EVIDENCE * np.sqrt(beyond))
 
@@ -123,7 +123,7 @@ def _cut(light: Floats2, chromaticity: Floats3, places: Places, channels: Ints1,
 @kernel
 def _around(plane: Floats2, row: int, column: int) -> Scalar:
     """The mean of 3 x 3 cells."""
-    total = _NONE
+    total = _ZERO
     for y in range(row - 1, row + 2):
         total += plane[y, column - 1] + plane[y, column] + plane[y, column + 1]
     return total / np.float32(9)
@@ -196,7 +196,7 @@ def correct_cells(
             for x in range(columns):
                 column = first[1] + x
                 place, gain = across[column * period + right], state[4, row, column]
-                if place < 0 or gain <= _NONE or light[line, place] <= _DARK:
+                if place < 0 or gain <= _ZERO or light[line, place] <= _DARK:
                     continue
                 safe = _safe(cells[pixel, row, column], state[5, row, column])
                 a = _inside(gain * found[pixel, y, x], cells[pixels + pixel, row, column], safe, ranges, 0, y, x)
@@ -220,7 +220,7 @@ def _safe(light: Scalar, mean: Scalar) -> Scalar:
 def _inside(value: Scalar, here: Scalar, safe: Scalar, ranges: Floats3, component: int, y: int, x: int) -> Scalar:
     """A correction of a component of colour, `here`, that leads no farther out than chromaticity around allows."""
     low, high = ranges[component, y, x] * safe - here, ranges[2 + component, y, x] * safe - here
-    inside: Scalar = min(max(value, min(low, _NONE)), max(high, _NONE))
+    inside: Scalar = min(max(value, min(low, _ZERO)), max(high, _ZERO))
     return inside
 
 

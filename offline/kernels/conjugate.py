@@ -20,7 +20,7 @@ MARGIN = WIDTH
 """Columns of a region's planes left of its first column; as many and up to one vector more follow its last."""
 RESIDUAL, DIRECTION, APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED
 """Planes of the unknowns, after the solutions."""
-_NONE = np.float32(0)
+_ZERO = np.float32(0)
 
 
 @kernel
@@ -88,7 +88,7 @@ def _begin(planes: Floats3, row: int, columns: int, parts: Floats3) -> None:
         squared = load(parts, (field, 0, 0))
         for column in range(MARGIN, MARGIN + columns, WIDTH):
             residual = load(planes, (RESIDUAL + field, row, column))
-            store(planes, (field, row, column), _NONE * residual)
+            store(planes, (field, row, column), _ZERO * residual)
             store(planes, (DIRECTION + field, row, column), residual)
             squared += residual * residual
         store(parts, (field, 0, 0), squared)

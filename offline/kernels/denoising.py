@@ -20,7 +20,7 @@ from .pieces import tiles
 
 _ROWS, _COLUMNS = 256, 512  # of a window; chosen for speed
 _STEP = 2  # pixels from one block to the next, down and across; chosen: one takes four times as long
-_NONE, _ONE = np.float32(0), np.float32(1)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-20)  # variance; sums of weights, which are up to 2000 times its inverse, stay finite
 
 Model = tuple[Scalar, Scalar, Scalar]
@@ -101,8 +101,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints
     samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
     forward, expected, backward, light = halves[0], halves[1], halves[2], halves[3, 0]
     half = samples.shape[1] // _STEP
-    sums[:] = _NONE
-    weights[:] = _NONE
+    sums[:] = _ZERO
+    weights[:] = _ZERO
     for kind in range(len(sizes)):
         size, transform = sizes[kind], transforms[kind]
         for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
@@ -111,8 +111,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints
             if guided:
                 _down(pilot, row, size, transform, block[1], expected)
             for k in range(size):
-                backward[k] = _NONE
-            light[:] = _NONE
+                backward[k] = _ZERO
+            light[:] = _ZERO
             for column in range(area[2] + shift, area[3] - size + 1, _STEP * WIDTH):
                 _across(forward, column, size, transform, block[1], block[0])
                 if guided:
@@ -154,7 +154,7 @@ def _products(folded: Floats2, size: int, transform: Floats2, frequency: int, fi
 
     The sums of more do not fit in the registers of AVX2.
     """
-    a = b = c = d = load(folded, (0, 0)) * _NONE
+    a = b = c = d = load(folded, (0, 0)) * _ZERO
     for i in range(size // 2):
         one, other = load(folded, (first + 2 * i, 0)), load(folded, (first + 2 * i + 1, 0))
         a, b = a + transform[frequency, i] * one, b + transform[frequency + 2, i] * one
@@ -188,10 +188,10 @@ def _hard(block: Floats3, size: int, model: Model) -> Lanes:
     """Set the coefficients below the threshold to 0, except the mean. Returns the weight."""
     variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
     limit = variance * (threshold * threshold)
-    kept = limit * _NONE + _ONE
+    kept = limit * _ZERO + _ONE
     for place in range(1, size * size):
         value = load(block, (0, place, 0))
-        stays = where_less(value * value, limit, _NONE, _ONE)
+        stays = where_less(value * value, limit, _ZERO, _ONE)
         kept += stays
         store(block, (0, place, 0), value * stays)  # the compiler makes a choice of this a masked store, which takes 20 cycles
     return _weight(kept, variance, size)
@@ -201,7 +201,7 @@ def _hard(block: Floats3, size: int, model: Model) -> Lanes:
 def _wiener(block: Floats3, size: int, model: Model) -> Lanes:
     """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight, as `_hard` does."""
     variance = _variance(load(block, (2, 0, 0)), size, model)
-    kept = variance * _NONE + _ONE
+    kept = variance * _ZERO + _ONE
     for place in range(1, size * size):
         value = load(block, (2, place, 0))
         energy = value * value
@@ -222,7 +222,7 @@ def _weight(kept: Lanes, variance: Lanes, size: int) -> Lanes:
 def _variance(mean: Lanes, size: int, model: Model) -> Lanes:
     """Noise variance of the samples of a block, given its DC coefficient `mean`."""
     shot, read, _ = model
-    return greater(greater(mean, _NONE) * (shot / np.float32(size)) + read * read, _LEAST)
+    return greater(greater(mean, _ZERO) * (shot / np.float32(size)) + read * read, _LEAST)
 
 
 @kernel
@@ -235,7 +235,7 @@ def _back(block: Floats2, column: int, size: int, transform: Floats2, weight: La
     for i in range(half):
         left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
         for k in range(0, size, 2):
-            a = b = c = d = weight * _NONE
+            a = b = c = d = weight * _ZERO
             for j in range(0, size, 2):
                 even, odd, place = transform[j, i], transform[j + 1, i], k * size + j
                 a, b = a + even * load(block, (place, 0)), b + odd * load(block, (place + 1, 0))
@@ -253,7 +253,7 @@ def _up(half: Floats2, light: Floats1, row: int, size: int, transform: Floats2, 
     for column in range(0, light.shape[0], WIDTH):
         weight = load(light, column)
         for i in range(size // 2):
-            even, odd = weight * _NONE, weight * _NONE
+            even, odd = weight * _ZERO, weight * _ZERO
             for k in range(0, size, 2):
                 even += transform[k, i] * load(half, (k, column))
                 odd += transform[k + 1, i] * load(half, (k + 1, column))

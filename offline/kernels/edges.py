@@ -11,7 +11,7 @@ from .compile import kernel
 from .functions import exponential, zeros
 from .lanes import WIDTH, load, store
 
-_NONE = np.float32(0)
+
 
 Filters = tuple[Floats2, Floats2, Ints1]
 Filter = tuple[Floats1, Floats1, int]
@@ -34,7 +34,7 @@ def transmission(light: Floats2, period: int, filters: Filters, through: Floats3
     energy, relative = zeros(2, period, width), zeros(2, width)
     smoothed, sloped = zeros(light.shape[1]), zeros(light.shape[1])
     for top in range(0, rows, period):
-        energy[:] = _NONE
+        energy[:] = _ZERO
         for row in range(period):
             for scale in range(len(radii)):
                 pair = smooth[scale], slope[scale], radii[scale]
@@ -57,7 +57,7 @@ def _filter_down(light: Floats2, row: int, columns: int, pair: Filter, smoothed:
     smooth, slope, radius = pair
     for column in range(0, columns, WIDTH):
         sum_ = smooth[0] * load(light, (row, column))
-        difference = _NONE * load(light, (row, column))
+        difference = _ZERO * load(light, (row, column))
         for step in range(1, radius + 1):
             above, below = load(light, (row - step, column)), load(light, (row + step, column))
             sum_ += smooth[step] * (above + below)
@@ -71,7 +71,7 @@ def _add_energy(smoothed: Floats1, sloped: Floats1, columns: int, reach: int, pa
     """Apply the horizontal halves: add |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
     smooth, slope, radius = pair
     for column in range(0, columns, WIDTH):
-        across = _NONE * load(smoothed, column)
+        across = _ZERO * load(smoothed, column)
         down = smooth[0] * load(sloped, column + reach)
         for step in range(1, radius + 1):
             across += slope[step] * (load(smoothed, column + reach + step) - load(smoothed, column + reach - step))
@@ -88,7 +88,7 @@ def _over_mean(energy: Floats3, columns: int, period: int, relative: Floats2) ->
     """
     for left in range(0, columns, 2 * period):
         other = min(left + period, columns - period)  # if their number is odd, the last one twice
-        a = b = c = d = _NONE
+        a = b = c = d = _ZERO
         for row in range(period):
             for step in range(period):
                 a += energy[0, row, left + step]
@@ -103,4 +103,4 @@ def _over_mean(energy: Floats3, columns: int, period: int, relative: Floats2) ->
 @kernel
 def _over(total: Scalar, period: int) -> Scalar:
     """-1 over the mean of a patch whose sum is `total`; 0 without energy."""
-    return np.float32(-period * period) / total if total > _NONE else _NONE
+    return np.float32(-period * period) / total if total > _ZERO else _ZERO

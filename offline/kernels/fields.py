@@ -13,7 +13,9 @@ from .edges import Filters, transmission
 from .functions import unset, zeros
 from .lanes import WIDTH, Lanes, greater, lesser, load, quotient, square_root, store, total
 
-_NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+CLASSES = 4
+"""Parities of block row and column: the blocks around a pixel are one of each."""
+_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _ONES = (_ONE,) * 8
 _LEAST = np.float32(1e-37)
 _PLANES = 4 + 1 + 2 + 4 * SOLVED
@@ -107,11 +109,11 @@ def _frame(planes: Floats3, size: Pair) -> None:
     width = planes.shape[2]
     for plane in range(len(planes)):
         for column in range(width):
-            planes[plane, 0, column] = planes[plane, size[0] + 1, column] = _NONE
+            planes[plane, 0, column] = planes[plane, size[0] + 1, column] = _ZERO
         for row in range(1, size[0] + 1):
             for step in range(WIDTH):
-                planes[plane, row, step] = planes[plane, row, MARGIN + size[1] + step] = _NONE
-                planes[plane, row, width - WIDTH + step] = _NONE
+                planes[plane, row, step] = planes[plane, row, MARGIN + size[1] + step] = _ZERO
+                planes[plane, row, width - WIDTH + step] = _ZERO
 
 
 @kernel
@@ -147,7 +149,7 @@ def _start(
     squares = zeros(SOLVED, WIDTH)
     for row in range(size[0] + 2):  # no neighbours past the end
         for column in range(MARGIN + size[1], through.shape[2]):
-            through[0, row, column] = through[1, row, column] = _NONE
+            through[0, row, column] = through[1, row, column] = _ZERO
     for row in range(1, size[0] + 2):
         if row <= size[0]:
             at = (place[0] + row - 1) % period2
@@ -182,7 +184,7 @@ def _root(weights: Floats3, row: int, columns: int, pins: Floats1, scale: Floats
         free = _ONE - load(pins, column - MARGIN)
         store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
     for column in range(MARGIN + columns, scale.shape[1]):
-        scale[row, column] = _NONE
+        scale[row, column] = _ZERO
 
 
 @kernel
@@ -223,7 +225,7 @@ def _pull(
     above, below = (at - 1) % pins.shape[1], (at + 1) % pins.shape[1]
     for column in range(MARGIN, MARGIN + columns, WIDTH):
         x, here = first + column - MARGIN, load(scale, (row, column))
-        nothing = _NONE * here
+        nothing = _ZERO * here
         every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x) if pinned[SOLVED] else nothing
         for field in range(SOLVED):
             pulled = _pulled(weights, row, column, pins, field, above, at, below, x) if pinned[field] else nothing
@@ -268,13 +270,13 @@ def _finish(
             x = phase + inner[1] + column
             here = load(scale, (inner[0] + row + 1, first + column))
             free = _QUARTER * (_ONE - load(pins, (SOLVED, at, x)))
-            together = _NONE * here
+            together = _ZERO * here
             for field in range(SOLVED):
                 start = load(pins, (field, at, x)) + free
-                value = greater(start + here * load(solution, (field, inner[0] + row + 1, first + column)), _NONE)
+                value = greater(start + here * load(solution, (field, inner[0] + row + 1, first + column)), _ZERO)
                 store(line, (field, column), value)
                 together += value
-            rest = greater(_ONE - together, _NONE)
+            rest = greater(_ONE - together, _ZERO)
             share = quotient(_ONE, together + rest)
             store(line, (SOLVED, column), rest * share)
             for field in range(SOLVED):

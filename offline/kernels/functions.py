@@ -18,6 +18,7 @@ _EXP1, _EXP2, _EXP3, _EXP4, _EXP5 = (np.float32(c) for c in (0.9999997072, 0.499
 _ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
 LEAST_EXPONENT = np.float32(-87.0)  # e^-87 is about the least normal float32
 _ONE = np.float32(1)
+ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 @kernel

@@ -4,37 +4,7 @@ import numpy as np
 
 from .arrays import Bools2, Doubles1, Floats2, Frozen2
 from .compile import Pieces, parallel_kernel
-from .interpolation import cubic_taps
 
-_TAPS = 4
-
-
-@parallel_kernel()
-def interpolate(pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2) -> None:
-    """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
-
-    values: (rows, columns), the samples; the first lies at the pixel `first`.
-    plane: (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
-    """
-    width = plane.shape[1]
-    rows, columns = values.shape
-    for row in range(pieces[0], pieces[1]):
-        place = (row - first[0]) / period
-        down = int(np.floor(place))
-        weights_down = cubic_taps(place - down)
-        across_line = np.zeros(columns, np.float32)
-        for tap in range(_TAPS):
-            line = values[min(max(down + tap - 1, 0), rows - 1)]
-            for j in range(columns):
-                across_line[j] += np.float32(weights_down[tap]) * line[j]
-        for column in range(width):
-            at = (column - first[1]) / period
-            across = int(np.floor(at))
-            weights = cubic_taps(at - across)
-            total = np.float32(0)
-            for tap in range(_TAPS):
-                total += np.float32(weights[tap]) * across_line[min(max(across + tap - 1, 0), columns - 1)]
-            plane[row, column] = total
 
 
 @parallel_kernel()

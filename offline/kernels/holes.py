@@ -11,14 +11,14 @@ import numpy as np
 from .arrays import Floats1, Floats2, Floats3, Floats4, Frozen2, Ints1, Ints2, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import scaled_reciprocal_root, zeros
+from .shrinkage import REACH, _BANDS
 from .lanes import WIDTH, Lanes, greater, lesser, load, store, total, where_less
 
-REACH = 4
-"""Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
+
 CHUNK = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
-_BANDS = 3  # as in `shrinkage`
-_NONE, _ONE = np.float32(0), np.float32(1)
+
+_ZERO, _ONE = np.float32(0), np.float32(1)
 _NINE = np.float32(9.001)  # coefficients of a neighbourhood; more than rounding can hide
 
 
@@ -58,14 +58,14 @@ def fill_blocks(
         energy, half = zeros(_BANDS, rows + 5, columns + 5, WIDTH), zeros(2, rows + 5, columns + 2 * REACH, WIDTH)
         fixed, removed = zeros(len(response), WIDTH), zeros(len(response), WIDTH)
         values, before = zeros(response.shape[1] * CHUNK, WIDTH), zeros(response.shape[1] * CHUNK, WIDTH)
-        changes[row], places = _NONE, np.empty(WIDTH, np.intp)
+        changes[row], places = _ZERO, np.empty(WIDTH, np.intp)
         for group in range(0, blocks[1], WIDTH):
             # The spare lanes of the last group repeat the last block.
             for lane in range(WIDTH):
                 places[lane] = first[1] + period * min(group + lane, blocks[1] - 1)
             top = first[0] + row * period
             _gather(signal, top, places, holes, starts, window, values)
-            _decompose(window, taps, half, fixed, energy)
+            _decompose_window(window, taps, half, fixed, energy)
             _iterate(fixed, energy, response, thresholds, removed, values, before)
             for hole in range(len(holes)):
                 for lane in range(WIDTH):
@@ -81,18 +81,18 @@ def _gather(signal: Floats2, top: int, places: Ints1, holes: Ints2, starts: Floa
             for lane in range(WIDTH):
                 window[down, across, lane] = signal[top + down - REACH, places[lane] + across - REACH]
     for hole in range(len(holes)):
-        start = load(window, (0, 0, 0)) * _NONE
+        start = load(window, (0, 0, 0)) * _ZERO
         for down in range(window.shape[0]):
             for across in range(window.shape[1]):
                 start += starts[hole, down, across] * load(window, (down, across, 0))
         store(values, (hole, 0), start)
     for hole in range(len(holes)):
         for lane in range(WIDTH):
-            window[holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane] = _NONE
+            window[holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane] = _ZERO
 
 
 @kernel
-def _decompose(window: Floats3, taps: Floats2, half: Floats4, fixed: Floats2, energy: Floats4) -> None:
+def _decompose_window(window: Floats3, taps: Floats2, half: Floats4, fixed: Floats2, energy: Floats4) -> None:
     """Compute the high-pass coefficients without the holes: to `fixed` those that holes add to, to `energy` the squares of all.
 
     half: (2, energy's rows, the window's columns, lanes), for what is filtered vertically alone, by each row of `taps`.
@@ -131,12 +131,12 @@ def _iterate(
             store(before, (hole, 0), load(values, (hole, 0)))
         for chunk in range(last):
             source = removed if chunk else fixed
-            h0, h1, h2, h3 = _four(values, CHUNK * chunk)
+            h0, h1, h2, h3 = _four_from(values, CHUNK * chunk)
             for place in range(len(fixed)):
                 c = response[place, chunk]
                 store(removed, (place, 0), load(source, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3)
         source = removed if last else fixed
-        h0, h1, h2, h3 = _four(values, CHUNK * last)
+        h0, h1, h2, h3 = _four_from(values, CHUNK * last)
         place = 0
         for band in range(_BANDS):
             for row in range(rows):
@@ -148,9 +148,9 @@ def _iterate(
                     place += 1
         whole = whole and _removes_all(energy, threshold)
         if not whole:
-            _shrink(energy, threshold, removed)
+            _shrink_window(energy, threshold, removed)
         for chunk in range(last + 1):
-            h0, h1, h2, h3 = _four(values, CHUNK * chunk)
+            h0, h1, h2, h3 = _four_from(values, CHUNK * chunk)
             for place in range(len(fixed)):
                 c = response[place, chunk]
                 gone = load(removed, (place, 0))
@@ -163,7 +163,7 @@ def _iterate(
 
 
 @kernel
-def _shrink(energy: Floats4, threshold: Scalar, removed: Floats2) -> None:
+def _shrink_window(energy: Floats4, threshold: Scalar, removed: Floats2) -> None:
     """Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood) of a coefficient, at most everything."""
     place = 0
     for band in range(_BANDS):
@@ -185,12 +185,12 @@ def _removes_all(energy: Floats4, threshold: Scalar) -> bool:
         for row in range(energy.shape[1]):
             for column in range(energy.shape[2]):
                 most = greater(most, load(energy, (band, row, column, 0)))
-    removed: bool = total(where_less(most * _NINE, threshold * threshold, _NONE, _ONE)) == _NONE
+    removed: bool = total(where_less(most * _NINE, threshold * threshold, _ZERO, _ONE)) == _ZERO
     return removed
 
 
 @kernel
-def _four(values: Floats2, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+def _four_from(values: Floats2, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Four rows of `values`."""
     return load(values, (first, 0)), load(values, (first + 1, 0)), load(values, (first + 2, 0)), load(values, (first + 3, 0))
 

@@ -3,9 +3,10 @@
 import numpy as np
 
 from .arrays import Floats2, Scalar
-from .compile import kernel
+from .compile import Pieces, kernel, parallel_kernel
 
-_NONE = np.float32(0)
+_ZERO = np.float32(0)
+_TAPS = 4
 
 Taps = tuple[Scalar, Scalar, Scalar, Scalar]
 
@@ -15,7 +16,7 @@ def interpolated(plane: Floats2, y: Scalar, x: Scalar) -> Scalar:
     """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
     top, left = int(np.floor(y)), int(np.floor(x))
     down, along = cubic_taps(np.float32(y - top)), cubic_taps(np.float32(x - left))
-    total = _NONE
+    total = _ZERO
     if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
         for i in range(4):
             total += down[i] * (
@@ -41,3 +42,31 @@ def cubic_taps(t: Scalar) -> Taps:
         half * (np.float32(4) * square - np.float32(3) * cube + t),
         half * (cube - square),
     )
+
+
+@parallel_kernel()
+def interpolate(pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2) -> None:
+    """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
+
+    values: (rows, columns), the samples; the first lies at the pixel `first`.
+    plane: (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
+    """
+    width = plane.shape[1]
+    rows, columns = values.shape
+    for row in range(pieces[0], pieces[1]):
+        place = (row - first[0]) / period
+        down = int(np.floor(place))
+        weights_down = cubic_taps(place - down)
+        across_line = np.zeros(columns, np.float32)
+        for tap in range(_TAPS):
+            line = values[min(max(down + tap - 1, 0), rows - 1)]
+            for j in range(columns):
+                across_line[j] += np.float32(weights_down[tap]) * line[j]
+        for column in range(width):
+            at = (column - first[1]) / period
+            across = int(np.floor(at))
+            weights = cubic_taps(at - across)
+            total = np.float32(0)
+            for tap in range(_TAPS):
+                total += np.float32(weights[tap]) * across_line[min(max(across + tap - 1, 0), columns - 1)]
+            plane[row, column] = total

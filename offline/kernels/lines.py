@@ -7,7 +7,7 @@ from .compile import Pieces, parallel_kernel
 from .functions import unset
 
 _LEAST_SHARE = np.float32(1e-3)  # of a line, below which a pixel stays as it is; chosen, for speed
-_NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
+_ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 @parallel_kernel()
@@ -46,20 +46,20 @@ def lead_to_lines(
             left = min(int(at), max(across - 2, 0))
             right, near = min(left + 1, across - 1), np.float32(at - left)
             share = line[0, left] + near * (line[0, right] - line[0, left])
-            total, bright = _NONE, light[row, column]
+            total, bright = _ZERO, light[row, column]
             if share > _LEAST_SHARE and bright > dark:
                 for channel in range(count):
                     offset, slope = line[1 + channel], line[1 + count + channel]
                     value = offset[left] + near * (offset[right] - offset[left])
                     value += bright * (slope[left] + near * (slope[right] - slope[left]))
                     # A line has positive colours: beyond the darkest one it is that of the channels that are left.
-                    found[channel] = max(value, _NONE)
+                    found[channel] = max(value, _ZERO)
                     total += found[channel]
-            known, apart = total > _NONE and total > _HALF * share * bright, _NONE
+            known, apart = total > _ZERO and total > _HALF * share * bright, _ZERO
             if known:
                 for channel in range(count):
                     found[channel] = found[channel] / (gamma[channel] * total) - colour[row, column, channel]
                     apart += (gamma[channel] * found[channel]) ** 2
                 share *= _ONE - least / max(apart, least)
             for channel in range(count):
-                out[row, column, channel] = colour[row, column, channel] + (share * found[channel] if known else _NONE)
+                out[row, column, channel] = colour[row, column, channel] + (share * found[channel] if known else _ZERO)

@@ -15,9 +15,16 @@ from .functions import zeros
 
 Prior = tuple[float, float, float]
 """Smoothness and fading, relative to the precision of a sample, and the difference of luminance, scene units, that is an edge."""
+TILE = 128
+"""Rows and columns of a tile, which is solved at a time. Chosen for speed."""
 _CELL = 8  # pixels: side of the squares; chosen for speed
 _ITERATIONS = 1000  # at most; bursts of two to eight frames took 93 or less, in noise of 0 to 0.1
-_NONE, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
+_ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
+
+
+def tiles_of(rows: tuple[int, int], width: int) -> int:
+    """The number of tiles in some rows of a frame. rows: first and end row; the first is a multiple of `TILE`."""
+    return -(-(rows[1] - rows[0]) // TILE) * -(-width // TILE)
 
 
 @kernel
@@ -52,7 +59,7 @@ def solve(
     for row in range(rows):
         for column in range(columns):
             for side in range(4):
-                if links[side, row, column] > _NONE:
+                if links[side, row, column] > _ZERO:
                     i, j = _beside(row, column, side)
                     degree[row, column] += links[side, row, column]
                     degree[i, j] += links[side, row, column]
@@ -64,7 +71,7 @@ def solve(
                 scale[part, row, column] = _ONE / (normal[place, row, column] + degree[row, column] + fading)
         _factorise(normal[place], links, fading, factors[part])
     squared = _improve(right_side, scale, factors, better)
-    begin, turn, iterations = squared, _NONE, 0
+    begin, turn, iterations = squared, _ZERO, 0
     while squared > tolerance**2 * begin and iterations < _ITERATIONS:
         iterations += 1
         for part in range(parts):
@@ -111,7 +118,7 @@ def _factorise(normal: Floats2, links: Floats3, fading: Scalar, factor: Doubles2
             factor[cell, cell] += normal[row, column] + fading
             for side in range(4):
                 weight = links[side, row, column]
-                if weight > _NONE:
+                if weight > _ZERO:
                     i, j = _beside(row, column, side)
                     other = i // _CELL * along + j // _CELL
                     if other != cell:

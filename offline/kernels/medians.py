@@ -4,13 +4,12 @@ import numpy as np
 
 from .arrays import Bools1, Doubles1, Doubles2, Doubles3, Ints1
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import mirrored
+from .functions import ORIENTATIONS, mirrored
 from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
 
 SLACK = WIDTH
 """Columns after the mirrored border, so that the last vector stays inside the array."""
 _LANES = WIDTH // 2  # of float64: the chromaticities are solved in double
-ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 _FIVE = 5  # taps, as in the paper: those have a network of comparisons of their own
 _FAR = np.float64(np.inf)
 

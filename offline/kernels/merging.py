@@ -22,7 +22,7 @@ _ITERATIONS = 4  # rounds; chosen
 _FILLED = 0.05  # weight of interpolated light where a frame has colour sites; chosen
 _SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced; chosen
 _NARROW, _WIDE = gaussian(0.5), gaussian(2.0)  # places of the grid: what is spread, and where its power is compared with noise
-_NONE, _ONE = np.float32(0), np.float32(1)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 _MOST = 1e6  # relative precision, so that its square is a float: frames 10 stops brighter have less, and one without noise too
 _ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
 
@@ -106,7 +106,7 @@ def _start(
                 to_y, to_x = there(motions, frame, float(y), float(x), planes.shape)
                 if not (-0.5 <= to_y < planes.shape[1] - 0.5 and -0.5 <= to_x < planes.shape[2] - 0.5):
                     continue
-                precision = _precision(noise, frame, max(planes[0, y, x], _NONE))
+                precision = _precision(noise, frame, max(planes[0, y, x], _ZERO))
                 share = (_FILLED + _measured(panchromatic, to_y, to_x)) * agreement[frame, y, x] / 255.0
                 mean[row, column] += share * precision * interpolated(plane, to_y, to_x)
                 totals[row, column] += share * precision
@@ -170,8 +170,8 @@ def _samples(planes: Floats3, agreement: Bytes3, noise: Doubles2, panchromatic: 
                     continue
                 value = planes[frame, row, column]
                 found[count, 0], found[count, 1], found[count, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value
-                found[count, 3] = agrees / 255.0 * _precision(noise, frame, max(value, _NONE))
-                found[count, 4] = noise[frame, 0] * max(value, _NONE) + noise[frame, 1]
+                found[count, 3] = agrees / 255.0 * _precision(noise, frame, max(value, _ZERO))
+                found[count, 4] = noise[frame, 0] * max(value, _ZERO) + noise[frame, 1]
                 count += 1
     return found[:count]
 
@@ -190,7 +190,7 @@ def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
     for _ in range(_ITERATIONS):
         for row in range(rows):
             for column in range(columns):
-                error[row, column] = power[row, column] = _NONE
+                error[row, column] = power[row, column] = _ZERO
         for sample in range(len(samples)):
             y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
             missed = samples[sample, 2] - interpolated(fine, y, x)
@@ -204,7 +204,7 @@ def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
             for column in range(columns):
                 gain = _ONE
                 if noisy:
-                    gain = max(_NONE, _ONE - wide[row, column] / max(missed_wide[row, column], np.float32(1e-20)))
+                    gain = max(_ZERO, _ONE - wide[row, column] / max(missed_wide[row, column], np.float32(1e-20)))
                 fine[row, column] += gain * missed_near[row, column] / (near[row, column] + _SPARSE)
 
 

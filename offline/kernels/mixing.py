@@ -4,12 +4,11 @@ import numpy as np
 
 from .arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
+from .fields import CLASSES
 from .functions import unset, zeros
 from .lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
 
-CLASSES = 4
-"""Parities of block row and column: the blocks around a pixel are one of each."""
-_NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
+_ZERO, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
 Places = tuple[Ints1, Ints1]
@@ -56,10 +55,10 @@ def mix(
                 source = fields[kind, row + corner[0]]
                 for column in range(len(source)):
                     alpha[kind, column] = source[column]
-            if likeness > _NONE:
+            if likeness > _ZERO:
                 place = places[0][first * period + row + corner[0]]
                 for column in range(fields.shape[2]):
-                    here[column] = max(luminance[place, places[1][column]], _NONE)
+                    here[column] = max(luminance[place, places[1][column]], _ZERO)
             _mix_row(alpha, fields.shape[2], light, colour, here, (softness, likeness), line)
             for channel in range(channels):
                 mixed = line[channel, corner[1] :]
@@ -78,9 +77,9 @@ def _expand(blocks: Floats3, luminance: Floats2, places: Places, patch: int, per
             down, over = _corner(kind, patch, across)
             sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
             for column in range(left, right, WIDTH):  # what runs over the end is written again, with the next patch
-                store(light, (kind, column), max(sample, _NONE) * one)
+                store(light, (kind, column), max(sample, _ZERO) * one)
         for channel in range(blocks.shape[2]):
-            mean = _NONE
+            mean = _ZERO
             for kind in range(CLASSES):
                 down, over = _corner(kind, patch, across)
                 value = blocks[patch + down, across + over, channel]
@@ -126,7 +125,7 @@ def _kappa(alpha: Floats2, light: Floats2, here: Floats1, kind: int, column: int
     softness, likeness = weighting
     part, lit = load(alpha, (kind, column)), load(light, (kind, column))
     part = softness + greater(part, _MINUS * part)  # |alpha|: of alpha^2 the sign does not count, and the solver leaves none
-    if likeness > _NONE:
+    if likeness > _ZERO:
         own = load(here, column)
         apart, both = own - lit, own + lit
         lit *= quotient(both * both, both * both + likeness * (apart * apart) + _LEAST)

@@ -1,4 +1,4 @@
-"""Detection of outliers, their replacement from neighbours, and the panchromatic surroundings of a block."""
+"""Detection of outliers, their replacement from neighbours."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from .arrays import Bools2, Doubles2, Doubles3, Floats1, Floats2, Frozen2, Ints1
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .lanes import WIDTH, greater, lesser, load, square_root, store
-from .medians import ORIENTATIONS
+from .functions import ORIENTATIONS
 
 _NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast; chosen
-_FEWEST = 3  # neighbours that it takes to judge a sample: a corner of the frame has no more
+_FEWEST_NEIGHBOURS = 3  # neighbours that it takes to judge a sample: a corner of the frame has no more
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good; chosen
-_MOST = (2 * _WIDE + 1) ** 2
+_MOST_NEIGHBOURS = (2 * _WIDE + 1) ** 2
 _STRIP = 64  # rows of a piece of work; chosen for speed
 _SEEN = 1 / 3  # share of the light that a channel sees, about
-_NONE, _INFINITE = np.float32(0), np.float32(np.inf)
+_ZERO, _INFINITE = np.float32(0), np.float32(np.inf)
 _FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
@@ -50,7 +50,7 @@ def find_outliers(
     height, width = signal.shape
     figures = np.float32(deviations), np.float32(floor), np.float32(noise[0]), np.float32(noise[1] ** 2)
     for strip in range(pieces[0], pieces[1]):
-        around = np.empty(_MOST, np.float32)
+        around = np.empty(_MOST_NEIGHBOURS, np.float32)
         most, least, tall = zeros(3, width + 2 + WIDTH), zeros(3, width + 2 + WIDTH), zeros(2, width + 2 + WIDTH)
         surplus = zeros(width + WIDTH)
         first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
@@ -105,7 +105,7 @@ def _stand_out(
         low = lesser(load(tall, (1, x - 1)), load(tall, (1, x + 1)))
         low = lesser(low, lesser(load(least, (above, x)), load(least, (below, x))))
         beyond = greater(load(most, (here, x)) - high, low - load(least, (here, x)))
-        allowed = deviations * square_root(shot * greater(high, _NONE) + variance) + floor
+        allowed = deviations * square_root(shot * greater(high, _ZERO) + variance) + floor
         store(surplus, column, beyond - _SAFE * allowed)
 
 
@@ -127,7 +127,7 @@ def _is_outlier(
         return False
     value = signal[row, column]
     count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
-    if count < _FEWEST:
+    if count < _FEWEST_NEIGHBOURS:
         return False
     low, high, _, _ = _extremes(around, count)
     if low - floor <= value <= high + floor:
@@ -261,61 +261,3 @@ def _good(panchromatic: Bools2, bad: Bools2, row: int, column: int) -> bool:
     period = len(panchromatic)
     inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
-
-
-@parallel_kernel()
-def surroundings(
-    pieces: Pieces,
-    signal: Frozen2,
-    panchromatic: Bools2,
-    rows: Ints1,
-    columns: Ints1,
-    extent: Pair,
-    sites: Ints2,
-    light: Doubles3,
-    lowest: Doubles2,
-    highest: Doubles2,
-) -> None:
-    """Interpolate luminance at the colour sites of blocks from the panchromatic samples around each block.
-
-    signal: (H, W), scene units.
-    panchromatic: bool (K, K), the pattern from the frame's corner on.
-    rows, columns: the blocks' first rows, and first columns.
-    extent: (rows, columns) of a block.
-    sites: (S, 2), row and column of each site in a block.
-    light: (blocks down, blocks across, S), written: means weighted by one over the squared distance; 0 without samples.
-    lowest, highest: (blocks down, blocks across), written: the range of the samples.
-    """
-    weights = _weights(panchromatic, rows[0], columns[0], extent, sites)
-    for i in range(pieces[0], pieces[1]):
-        total, weight = np.empty(len(sites)), np.empty(len(sites))
-        top, bottom = max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])
-        for j in range(len(columns)):
-            left, right = max(columns[j] - 1, 0), min(columns[j] + extent[1] + 1, signal.shape[1])
-            low, high = np.inf, -np.inf
-            total[:], weight[:] = 0.0, 0.0
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    near = weights[y - rows[i] + 1, x - columns[j] + 1]
-                    if near[0] > 0.0:
-                        value = signal[y, x]
-                        low, high = min(low, value), max(high, value)
-                        for site in range(len(sites)):
-                            total[site] += near[site] * value
-                            weight[site] += near[site]
-            for site in range(len(sites)):
-                light[i, j, site] = total[site] / weight[site] if weight[site] > 0.0 else 0.0
-            lowest[i, j], highest[i, j] = low, high
-
-
-@kernel
-def _weights(panchromatic: Bools2, row: int, column: int, extent: Pair, sites: Ints2) -> Doubles3:
-    """One over the squared distance between each pixel of a block with its surroundings and each site; 0 at colour sites."""
-    period = len(panchromatic)
-    weights = np.zeros((extent[0] + 2, extent[1] + 2, len(sites)))
-    for y in range(-1, extent[0] + 1):
-        for x in range(-1, extent[1] + 1):
-            if panchromatic[(row + y) % period, (column + x) % period]:
-                for site in range(len(sites)):
-                    weights[y + 1, x + 1, site] = 1.0 / ((y - sites[site, 0]) ** 2 + (x - sites[site, 1]) ** 2)
-    return weights

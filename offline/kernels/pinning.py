@@ -10,14 +10,13 @@ import numpy as np
 from .arrays import Bytes2, Doubles1, Floats2, Floats3, Ints1, Pair
 from .compile import Pieces, parallel_kernel
 from .functions import tile_at, zeros
-from .linked import Prior, link, solve
-from .spreading import TILE
+from .linked import TILE, Prior, link, solve
 
 HALO = 16
 """Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
 TOLERANCE = 1e-4
 """Relative residual at which conjugate gradients stop. Chosen."""
-_NONE = np.float32(0)
+_ZERO = np.float32(0)
 
 
 @parallel_kernel()
@@ -60,10 +59,10 @@ def pin_samples(
             for row in range(size[0]):
                 for column in range(size[1]):
                     y, x = above + row, before + column
-                    weight = weights[y, x] if channels[y, x] == channel else _NONE
+                    weight = weights[y, x] if channels[y, x] == channel else _ZERO
                     normal[0, row, column] = weight
                     right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
-                    field[0, row, column] = _NONE
+                    field[0, row, column] = _ZERO
             residual, iterations = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, field)
             used[number] = max(iterations, used[number])
             if residual > residuals[number] or np.isnan(residual):

@@ -13,7 +13,7 @@ _TOGETHER = 2  # statistics that are summed together: the sums of more, for a pa
 CHANNELS = 3
 """Chromaticities that are compared together; their number is a multiple of this."""
 _PAIR = 2  # rows that are computed together: what is read for one serves the other
-_NONE = np.float32(0)
+_ZERO = np.float32(0)
 
 
 @parallel_kernel(pieces=lambda *given: -(-given[-1].shape[1] // _PAIR))
@@ -36,7 +36,7 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, radius: int, near: Fl
         total, weights = zeros(_PAIR * len(sums), WIDTH), zeros(_PAIR, 2 * radius + 1, WIDTH)
         centre = zeros(_PAIR, len(features), WIDTH)
         for column in range(0, out.shape[2] - SLACK, WIDTH):
-            total[:] = _NONE
+            total[:] = _ZERO
             for row in range(_PAIR):
                 for plane in range(len(features)):
                     store(centre, (row, plane, 0), load(features, (plane, _PAIR * pair + row + radius, column + radius)))
@@ -59,7 +59,7 @@ def _weigh(
     channels, radius = len(features) - 2, weights.shape[1] // 2
     for across in range(weights.shape[1]):
         x, away = column + across, abs(across - radius)
-        upper = load(features, (channels, y, x)) * _NONE
+        upper = load(features, (channels, y, x)) * _ZERO
         lower = upper
         for channel in range(0, channels, CHANNELS):
             a, b, c = load(features, (channel, y, x)), load(features, (channel + 1, y, x)), load(features, (channel + 2, y, x))

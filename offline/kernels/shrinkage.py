@@ -17,7 +17,7 @@ SLACK = REACH + 2 * WIDTH
 """Columns of the planes after the mirrored border, so that the last vector stays inside the array."""
 _BANDS = 3  # horizontal, vertical, diagonal: what one level of a wavelet has besides the means
 _STRIP = 64  # rows of a piece of work; chosen for speed
-_ONE = np.float32(1)
+
 
 Planes = tuple[Floats2, Floats2, Floats2, Floats2]
 

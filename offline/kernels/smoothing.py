@@ -8,7 +8,7 @@ from .functions import mirrored, zeros
 from .lanes import WIDTH, load, store
 
 _STRIP = 64  # rows that one piece of work smooths; chosen for speed
-_NONE = np.float32(0)
+_ZERO = np.float32(0)
 
 
 @parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))

@@ -14,25 +14,18 @@ from ..parts import DARK
 from .arrays import Area, Bytes1, Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import tile_at, zeros
-from .linked import Prior, link, solve
+from .linked import TILE, Prior, link, solve, tiles_of
 
-TILE = 128
-"""Rows and columns of a tile, which is solved at a time. Chosen for speed."""
 HALO = 24
 """Pixels around a tile that are solved with it. Chosen."""
 TOLERANCE = 1e-3
 """Relative residual at which conjugate gradients stop. Chosen: that of `AffinitySettings`."""
-_NONE, _ONE = np.float32(0), np.float32(1)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 _DARK = np.float32(DARK)
 
 Samples = tuple[Floats2, Bytes1, Ints1]
 """(figures, channels, starts) of M samples, sorted by tile: (M, 5), row and column in the frame, value times gamma, luminance,
 precision; (M,), their channels; (tiles + 1,), where those of each tile begin, tiles counted row by row."""
-
-
-def tiles_of(rows: tuple[int, int], width: int) -> int:
-    """The number of tiles in some rows of a frame. rows: first and end row; the first is a multiple of `TILE`."""
-    return -(-(rows[1] - rows[0]) // TILE) * -(-width // TILE)
 
 
 @parallel_kernel()
@@ -82,10 +75,10 @@ def spread_samples(
                 y, x = row - area[0], column - area[2]
                 lit = light[y, x] > _DARK
                 for channel in range(channels):
-                    step = _NONE
+                    step = _ZERO
                     for part in range(channels - 1):
                         step += basis[channel, part] * unknowns[part, y, x]
-                    change = step / (gamma[channel] * light[y, x]) if lit else _NONE
+                    change = step / (gamma[channel] * light[y, x]) if lit else _ZERO
                     out[row - rows[0], column, channel] = colour[y, x, channel] + change
 
 
@@ -102,12 +95,12 @@ def _gather(
         for column in range(max(tile[1] - 1, 0), min(tile[1] + 2, along)):
             for sample in range(starts[row * along + column], starts[row * along + column + 1]):
                 y, x = figures[sample, 0] - np.float32(area[0]), figures[sample, 1] - np.float32(area[2])
-                if not (_NONE <= y <= light.shape[0] - 1 and _NONE <= x <= light.shape[1] - 1):
+                if not (_ZERO <= y <= light.shape[0] - 1 and _ZERO <= x <= light.shape[1] - 1):
                     continue
                 above, before = min(int(y), light.shape[0] - 2), min(int(x), light.shape[1] - 2)
                 lower, after = y - np.float32(above), x - np.float32(before)
                 channel, weight = channels[sample], figures[sample, 4]
-                seen = _NONE
+                seen = _ZERO
                 for corner in range(4):
                     share = _share(corner, lower, after)
                     seen += share * colour[above + corner // 2, before + corner % 2, channel]

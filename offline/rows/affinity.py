@@ -17,9 +17,8 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from ..gaussian import TRUNCATE
-from ..kernels.fields import solve_regions
+from ..kernels.fields import CLASSES, solve_regions
 from ..kernels.lanes import WIDTH
-from ..kernels.mixing import CLASSES
 from ..settings import AffinitySettings
 from ..solvers import report
 from ..tiling import HALO, core_patches, domain_places, patches_of

@@ -15,9 +15,9 @@ from shared.arrays import BoolArray, FloatArray
 from shared.progress import SILENT, Progress
 
 from ..gaussian import smoothed
-from ..kernels.highlights import interpolate
+from ..kernels.interpolation import interpolate
 from ..kernels.pinning import HALO, TOLERANCE, pin_samples
-from ..kernels.spreading import TILE, tiles_of
+from ..kernels.linked import TILE, tiles_of
 from ..measured import BlockSamples, Measured
 from ..parts import DARK, Look, Part, RowStage
 from ..sites import signal_power, site_reach

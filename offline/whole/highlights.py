@@ -23,7 +23,8 @@ from shared.white_balance import clipped_share, raised_to_white
 from ..blocks import tile
 from ..cleaned import Cleaned
 from ..gaussian import filtered
-from ..kernels.highlights import interpolate, raise_clipped
+from ..kernels.highlights import raise_clipped
+from ..kernels.interpolation import interpolate
 from ..kernels.pieces import BLOCK_ROWS, copied, in_strips
 from ..settings import HighlightsSettings
 
