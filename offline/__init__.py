@@ -3,14 +3,14 @@
 from shared.processors import available_threads, threads, use_threads
 
 from .ahead import compile_kernel, kernels_to_compile
-from .kernels.compile import compilation, kernel_cache
-from .measured import Measured, Stages
+from .measured import Measured
 from .memory import rendering_memory
+from .numerics.compile import compilation, kernel_cache
+from .numerics.solvers import Solved, SolverLog
 from .parts import Look, Part, RowStage
-from .render import Rendering, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
-from .rows.learned import network_name
+from .render import Rendering, Stages, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
 from .settings import BEST, PAPER, PRESETS, RenderSettings
-from .solvers import Solved, SolverLog
+from .stages.colour_network import network_name
 
 __all__ = [
     "BEST",

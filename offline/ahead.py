@@ -4,7 +4,6 @@ Kernels that are not compiled ahead are compiled when they are first called. Not
 """
 
 from importlib import import_module
-from pkgutil import iter_modules
 
 import numpy as np
 
@@ -12,17 +11,13 @@ from shared.calibration import SensorCalibration
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 
-from . import kernels as package
-from .kernels.compile import kernel_cache, kernels
 from .measured import Measured
+from .numerics.compile import ParallelKernel, kernel_cache, kernels
 from .render import KERNELS, row_stages
 from .settings import RenderSettings
 
 # Those that take longest to compile come first, so that several processes end at about the same time.
 _LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once", "shrink_margins", "find_outliers"
-
-for _module in iter_modules(package.__path__):  # a kernel is known when its module is imported; bursts have some of their own
-    import_module(f"{package.__name__}.{_module.name}")
 
 
 def used_kernels(*settings: RenderSettings) -> list[str]:
@@ -31,7 +26,7 @@ def used_kernels(*settings: RenderSettings) -> list[str]:
     Those that only scattered colour sites need are not among them: they are compiled when they are called.
     """
     frame = Measured.outline(Mosaic(np.zeros((24, 24), np.float32), CfaPattern.bayer(), SensorCalibration()))
-    used = set() if settings else set(kernels)
+    used = set() if settings else set(_all_kernels())
     for each in settings:
         used.update(KERNELS, *(part.kernels for part in vars(each).values() if part.used))
         used.update(*(stage.kernels for stage in row_stages(frame, each)))
@@ -60,4 +55,10 @@ def compile_kernel(name: str) -> None:
     >>> "mix" in kernels_to_compile()
     False
     """
-    kernels[name].compile()
+    _all_kernels()[name].compile()
+
+
+def _all_kernels() -> dict[str, ParallelKernel[...]]:
+    """The kernels by name, those of bursts among them."""
+    import_module(f"{__package__}.burst")  # a kernel is known once its module is imported
+    return kernels

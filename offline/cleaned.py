@@ -13,7 +13,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
 from .blocks import Sites, Surroundings
-from .kernels.pieces import BLOCK_ROWS, in_strips
+from .numerics.pieces import BLOCK_ROWS, in_strips
 
 _TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 

@@ -1,6 +1,5 @@
 """What is known of a whole frame before colour is spread: all that the stages in rows get."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,11 +11,9 @@ from shared.calibration import NoiseModel, SensorCalibration
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
-from shared.progress import Progress
 
 from .blocks import Sites
-from .parts import Look, Part, RowStage
-from .settings import RenderSettings
+from .parts import Part
 
 EVEN = 0.01 / 3
 """Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off.
@@ -26,7 +23,7 @@ Chosen: half or twice changes 0.1 dB."""
 
 @dataclass(frozen=True, eq=False)
 class ColourLines:
-    """Colour as a linear function of luminance, around each whole block (see `whole.colour_lines`).
+    """Colour as a linear function of luminance, around each whole block (see `stages.colour_lines`).
 
     offset, slope: of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0 and to 1.
     share: how far each line is believed, 0 to 1, float32 (rows, columns).
@@ -141,23 +138,3 @@ class Measured:
         lines = ColourLines(values[..., 0], values[..., 0], each)
         samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), each, lines=lines)
         return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)
-
-
-Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
-"""Makes the list of stages in rows, as `row_stages` does."""
-
-
-def make_stages(stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-    """The list that `stages` makes. Raises InputError if it is no function, or makes something else than stages."""
-    if not callable(stages):
-        raise InputError(f"stages is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
-    made = stages(measured, settings, progress)
-    if not isinstance(made, list | tuple):
-        raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
-    for stage in made:
-        look = getattr(stage, "look", None)
-        if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
-            raise InputError(f"stages made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
-        if not (look.reach >= 0 and look.step >= 1):
-            raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
-    return list(made)

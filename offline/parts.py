@@ -13,7 +13,7 @@ from shared.arrays import STRIP, FloatArray
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
-from .kernels.pieces import in_pieces
+from .numerics.pieces import in_pieces
 
 _ROWS = STRIP // 4  # of a part between two stages
 DARK = 1e-6

@@ -4,7 +4,7 @@ The preset BEST uses stages that are not in the paper. Which stages in rows a fr
 that look at the whole frame return what they got where their settings do not use them.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
@@ -13,6 +13,7 @@ import numpy as np
 
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel, SensorCalibration
+from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.networks import network_for
 from shared.pattern import CfaPattern
@@ -20,33 +21,33 @@ from shared.progress import SILENT, Progress
 
 from .blocks import BlockSums
 from .cleaned import Cleaned, unclipped_blocks
-from .kernels.mixing import colour
-from .measured import Measured, Stages, make_stages
-from .parts import Part, RowStage, finish
-from .rows.correction import Correction, Missed
-from .rows.learned import Learned
-from .rows.lines import OnLines
-from .rows.pinning import Pinning
-from .rows.propagation import Propagation
-from .rows.refinement import Refinement
-from .rows.shading import EvenLight
+from .measured import Measured
+from .numerics.solvers import Solved, SolverLog
+from .parts import Look, Part, RowStage, finish
 from .settings import BEST, RenderSettings
-from .sites import block_samples, settle_luminance
-from .solvers import Solved, SolverLog
+from .stages.chromaticity import estimate_chromaticities
+from .stages.colour_lines import OnLines, colour_lines
+from .stages.colour_network import Learned
+from .stages.correction import Correction, Missed, block_samples, settle_luminance
+from .stages.defects import mend_defects
+from .stages.denoising import denoise_luminance
+from .stages.highlights import clipping_level, restore_highlights
+from .stages.luminance import recover_luminance
+from .stages.noise import with_noise
+from .stages.pinning import Pinning
+from .stages.pooling import pool_blocks
+from .stages.propagation import Propagation, colour
+from .stages.refinement import Refinement
+from .stages.shading import EvenLight
+from .stages.trust import trust_in_blocks, with_trusted_colour
 from .tiling import bands
 from .units import check_finite, check_frames
-from .whole.chromaticity import estimate_chromaticities
-from .whole.colour_lines import colour_lines
-from .whole.defects import mend_defects
-from .whole.denoising import denoise_luminance
-from .whole.highlights import clipping_level, restore_highlights
-from .whole.luminance import recover_luminance
-from .whole.noise import with_noise
-from .whole.pooling import pool_blocks
-from .whole.trust import trust_in_blocks, with_trusted_colour
 
 KERNELS = ("colour",)
 """Kernels that the page itself calls."""
+
+Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
+"""Makes the list of stages in rows, as `row_stages` does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +302,7 @@ def parts_of(
     measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
-    made = make_stages(stages, measured, settings, progress)
+    made = _make_stages(stages, measured, settings, progress)
     coloured = any(isinstance(stage, Propagation) for stage in made)
     return iter(finish(_grey(measured, progress, whole=not coloured), made, measured.shape[0], progress))
 
@@ -326,3 +327,19 @@ def _pictures(
         colour(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
         check_finite(band, part.first)
         yield part, band
+
+
+def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
+    """The list that `stages` makes. Raises InputError if it is no function, or makes something else than stages."""
+    if not callable(stages):
+        raise InputError(f"stages is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
+    made = stages(measured, settings, progress)
+    if not isinstance(made, list | tuple):
+        raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
+    for stage in made:
+        look = getattr(stage, "look", None)
+        if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
+            raise InputError(f"stages made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
+        if not (look.reach >= 0 and look.step >= 1):
+            raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
+    return list(made)

@@ -1,7 +1,7 @@
 """What settings of a stage are: values with ranges, and the kernels that the stage calls."""
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from math import inf
 from typing import Annotated, Any, NamedTuple
 
@@ -50,3 +50,10 @@ class StageSettings:
     def kernels(self) -> tuple[str, ...]:
         """See above."""
         return ()
+
+
+@dataclass(frozen=True)
+class Switch(StageSettings):
+    """A stage that is used or not. used: whether it is."""
+
+    used: bool = False

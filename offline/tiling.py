@@ -1,6 +1,6 @@
 """Where patches, cores and bands of a frame lie, and the domain (the frame mirrored out to whole patches): arithmetic only.
 
-A band is a whole number of rows of cores (see `rows.affinity`).
+A band is a whole number of rows of cores (see `stages.affinity`).
 """
 
 import numpy as np

@@ -45,15 +45,14 @@ ROOMS = {
 DATA = {"centre"}  # words in backquotes that are no arguments: of the file on motions
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools
 FORWARD = "tools.camera.sensor"  # but for this one, which makes their frames; it stands on `shared` alone
-LONGEST_FUNCTION, LONGEST_MODULE = 60, 350  # lines: of code; of all kinds
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
 # Packages that only these modules, and what is below them, may import.
 ONLY_IN = {
     "onnx": ("tools.training",),
-    "numba": ("offline.kernels",),
-    "llvmlite": ("offline.kernels",),
+    "numba": ("offline.numerics",),
+    "llvmlite": ("offline.numerics",),
     "onnxruntime": ("shared.runtime",),
     "gi": ("tools.live.genicam",),
 }
@@ -142,17 +141,6 @@ def code_lines(text: str) -> set[int]:
     return {line for token in tokens for line in range(token.start[0], token.end[0] + 1)} - documented
 
 
-def long_parts(module: str, text: str) -> list[str]:
-    """A line for each function of more than 60 lines of code, and for a module of more than 350 lines."""
-    found = [f"{module} has {len(text.splitlines())} lines"] if len(text.splitlines()) > LONGEST_MODULE else []
-    functions = (
-        (node.name, range(node.lineno, (node.end_lineno or 0) + 1)) for node in nodes(text) if isinstance(node, ast.FunctionDef)
-    )
-    long = [(name, lines) for name, lines in functions if len(lines) > LONGEST_FUNCTION]
-    lengths = {name: len(code_lines(text).intersection(lines)) for name, lines in long}
-    return [*found, *(f"{module}.{name}" for name, length in lengths.items() if length > LONGEST_FUNCTION)]
-
-
 def texts(text: str) -> Iterator[str]:
     """The texts of a module that users may read: no docstrings; {} in place of what is filled in."""
     no_text = {id(part) for node in nodes(text) if isinstance(node, ast.JoinedStr) for part in node.values}
@@ -181,10 +169,6 @@ def foreign_words(module: str, text: str, options: dict[str, str]) -> list[str]:
             f"{module} says `{name}`" for name in re.findall(r"`(\w+)(?:=[^`]*)?`", each) if name not in options.keys() | DATA
         ]
     return found
-
-
-def test_functions_and_modules_are_short() -> None:
-    assert [line for module, text in sources() for line in long_parts(module, text)] == []
 
 
 def test_libraries_speak_of_arguments_and_commands_of_options() -> None:
@@ -219,12 +203,12 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
     ("module", "text"),
     [
         ("shared.pattern", "import offline"),
-        ("device.capture", "import offline.whole.luminance as light"),
+        ("device.capture", "import offline.stages.luminance as light"),
         ("offline.render", "def later():\n    from tools.evaluation.metrics import psnr"),
-        ("offline.kernels.solver", "from tests.reference import affinity"),
+        ("offline.numerics.solver", "from tests.reference import affinity"),
         ("device.preview.preview", "if True:\n    import cv2"),
         ("device.graphs", "import onnx"),
-        ("offline.rows.affinity", "from numba import njit"),
+        ("offline.stages.affinity", "from numba import njit"),
         ("shared.dng.file", "from ...device import runtime"),
         ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
         ("device.preview", "__import__('scipy')"),

@@ -21,7 +21,7 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 
 from ..blocks import Sites
-from ..gaussian import gaussian, smoothed
+from ..numerics.gaussian import gaussian, smoothed
 from .frames import CLIPPED, DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame, View
 
 # Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said, and

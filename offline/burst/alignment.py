@@ -16,7 +16,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.motion import Motion
 
-from ..gaussian import smoothed
+from ..numerics.gaussian import smoothed
 from .frames import DEVIATIONS, TINY, View, displaced
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.

@@ -19,14 +19,14 @@ from shared.progress import SILENT, Progress
 
 from ..blocks import BlockSums, Sites
 from ..cleaned import Cleaned, unclipped_blocks
-from ..gaussian import smoothed
-from ..kernels.linked import TILE, tiles_of
-from ..kernels.spreading import HALO, TOLERANCE, Samples, spread_samples
 from ..measured import Measured
+from ..numerics.gaussian import smoothed
+from ..numerics.linked import TILE, tiles_of
+from ..numerics.solvers import report
 from ..parts import Look, Part, RowStage
-from ..solvers import report
 from .frames import FILL_ERROR, NEIGHBOURHOOD, SHARED, TINY
 from .selection import Kept
+from .spreading import HALO, TOLERANCE, Samples, spread_samples
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)

@@ -13,13 +13,13 @@ from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
-from ..gaussian import gaussian, smoothed
-from ..kernels.merging import displace
-from ..settings import NoiseSettings, RenderSettings
-from ..whole.defects import mend_defects
-from ..whole.highlights import clipping_level
-from ..whole.luminance import recover_luminance
-from ..whole.noise import estimate_noise
+from ..numerics.gaussian import gaussian, smoothed
+from ..settings import RenderSettings
+from ..stages.defects import mend_defects
+from ..stages.highlights import clipping_level
+from ..stages.luminance import recover_luminance
+from ..stages.noise import NoiseSettings, estimate_noise
+from .merging import displace
 
 # Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are compared. Chosen: they tell which
 # frames are sharp.

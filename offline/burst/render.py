@@ -19,15 +19,15 @@ from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
-from ..kernels.merging import merge
 from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
+from ..stages.denoising import denoise_luminance
 from ..units import check_frames
-from ..whole.denoising import denoise_luminance
 from .colour import ColourSamples, Spreading, alone_of, relit_sites
 from .frames import as_arrays, displaced
+from .merging import merge
 from .selection import Comparison, Judged, Kept, compared, copies
 
 

@@ -15,7 +15,7 @@ from shared.progress import SILENT, Progress
 from ..cleaned import Cleaned
 from ..render import restored
 from ..settings import RenderSettings
-from ..whole.luminance import recover_luminance
+from ..stages.luminance import recover_luminance
 from .agreement import BlockColours, agreement, agreement_of, block_colours, colour_change, on_pixels, unclipped
 from .alignment import align
 from .frames import TINY, Frame, View, displaced, noise_models, prepared, tile_means

@@ -20,7 +20,7 @@ from scipy.ndimage import map_coordinates
 
 from offline import BEST
 from offline.burst import Motion, View, align
-from offline.whole.luminance import recover_luminance
+from offline.stages.luminance import recover_luminance
 from shared import Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError

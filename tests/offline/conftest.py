@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from offline import threads, use_threads
-from offline.kernels import compile as compiling
+from offline.numerics import compile as compiling
 
 
 @pytest.fixture(scope="session", autouse=True)

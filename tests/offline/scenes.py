@@ -5,7 +5,7 @@ import pytest
 
 from offline.cleaned import Cleaned
 from offline.measured import BlockSamples
-from offline.sites import block_samples
+from offline.stages.correction import block_samples
 from shared import CfaPattern, Mosaic
 from shared.arrays import DoubleArray, FloatArray
 from tests.reference.sensor import observe

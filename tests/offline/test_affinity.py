@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from offline import SolverLog
-from offline.rows.affinity import solve_affinities
-from offline.settings import AffinitySettings
+from offline.stages.affinity import AffinitySettings, solve_affinities
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError

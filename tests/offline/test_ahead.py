@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import offline
 from offline.ahead import used_kernels
-from offline.kernels.compile import kernels
+from offline.numerics.compile import kernels
 from shared import CfaPattern, SensorCalibration
 from tools.camera.sensor import simulate_additive
 
@@ -25,7 +25,7 @@ rare = {"raise_clipped", "interpolate", "mend_panchromatic"}
 print({name for name in kernels if kernels[name].ready} ^ (set(used_kernels(settings)) - rare))
 offline.render(type(mosaic)(samples, mosaic.pattern, mosaic.calibration), settings)
 print({name for name in kernels if kernels[name].ready} ^ set(used_kernels(settings)))
-print(offline.kernels_to_compile(settings), set(kernels) ^ set(used_kernels()))
+print(offline.kernels_to_compile(settings), set(used_kernels()) ^ set(kernels))
 """
 
 

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.settings import ChromaticitySettings
-from offline.whole.chromaticity import estimate_chromaticities
+from offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot

@@ -8,8 +8,8 @@ import pytest
 from offline import BEST, PAPER, render
 from offline.blocks import Sites
 from offline.cleaned import Cleaned
-from offline.settings import ChromaticitySettings, DefectsSettings
-from offline.whole.defects import mend_defects
+from offline.stages.chromaticity import ChromaticitySettings
+from offline.stages.defects import DefectsSettings, mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from tests.offline.scenes import every_case, shot

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from offline.settings import BEST
-from offline.whole import denoising as product
-from offline.whole.denoising import denoise_luminance
+from offline.stages import denoising as product
+from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray
 from tests.offline.scenes import gamma_of, materials

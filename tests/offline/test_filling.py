@@ -8,8 +8,8 @@ from scipy.ndimage import gaussian_filter
 
 from offline import use_threads
 from offline.settings import BEST, UNLEARNED
-from offline.whole.filling import REACH, SIDE, refilled, seen_around
-from offline.whole.luminance import recover_luminance
+from offline.stages.luminance import recover_luminance
+from offline.stages.luminance_network import REACH, SIDE, refilled, seen_around
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import uniform_filter
 
 from offline import BEST, PAPER, render
-from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, shown_at_sites, unclipped, unmeasured
+from offline.stages.highlights import clipping_level, replace_dark, restore_highlights, shown_at_sites, unclipped, unmeasured
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform

@@ -10,9 +10,9 @@ import pytest
 from offline import BEST, available_threads, network_name, render, render_bands, rendering_memory, threads, use_threads
 from offline.measured import BlockSamples, ColourLines
 from offline.parts import Part
-from offline.rows import learned as module
-from offline.rows.correction import Missed
-from offline.rows.learned import MOST_REACH, REACH, UNKNOWN, Cells, Inputs, Learned, boxes
+from offline.stages import colour_network as module
+from offline.stages.colour_network import MOST_REACH, REACH, UNKNOWN, Cells, Inputs, Learned, boxes
+from offline.stages.correction import Missed
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError

@@ -9,10 +9,8 @@ from scipy.ndimage import gaussian_filter
 from offline import BEST, render
 from offline.measured import ColourLines
 from offline.parts import Part
-from offline.rows.lines import OnLines
-from offline.settings import LineSettings
-from offline.whole.chromaticity import block_sums
-from offline.whole.colour_lines import _REACH, colour_lines
+from offline.stages.chromaticity import block_sums
+from offline.stages.colour_lines import _REACH, LineSettings, OnLines, colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, sampled
@@ -96,11 +94,11 @@ def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None
     frame = cleaned(mosaic)
     blocks = extend(block_sums(frame, light).solved(1e-3, np.array(mosaic.calibration.gamma)), pattern, shape).astype(np.float32)
     whole = colour_lines(frame, light, blocks, BEST.lines)
-    monkeypatch.setattr("offline.whole.colour_lines._STRIP", 20)
+    monkeypatch.setattr("offline.stages.colour_lines._STRIP", 20)
     strips = colour_lines(frame, light, blocks, BEST.lines)
     for each in ("offset", "slope", "share"):
         assert np.array_equal(getattr(strips, each), getattr(whole, each)), each
-    monkeypatch.setattr("offline.whole.colour_lines._REACH", _REACH // 5)
+    monkeypatch.setattr("offline.stages.colour_lines._REACH", _REACH // 5)
     less = colour_lines(frame, light, blocks, BEST.lines)
     assert not np.array_equal(less.offset, whole.offset)
 

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.settings import UNLEARNED, LuminanceSettings
-from offline.whole.luminance import fill, recover_luminance
+from offline.settings import UNLEARNED
+from offline.stages.luminance import LuminanceSettings, fill, recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case, materials, shot

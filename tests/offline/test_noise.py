@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from offline import cleaned
-from offline.settings import NoiseSettings
-from offline.whole.chromaticity import sigma_z
-from offline.whole.noise import estimate_noise, with_noise
+from offline.stages.chromaticity import sigma_z
+from offline.stages.noise import NoiseSettings, estimate_noise, with_noise
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import CASES, shot

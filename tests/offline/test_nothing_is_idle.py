@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, RowStage, measure, render, row_stages
-from offline.settings import PoolingPass, Switch
+from offline.stage import Switch
+from offline.stages.pooling import PoolingPass
 from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError, InputError
 from tests.offline.scenes import gamma_of, shot

@@ -10,8 +10,8 @@ import pytest
 from offline import BEST, render
 from offline.measured import BlockSamples, Measured
 from offline.parts import Part, applied
-from offline.rows.correction import Missed
-from offline.rows.pinning import Pinning
+from offline.stages.correction import Missed
+from offline.stages.pinning import Pinning
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import sampled, shot

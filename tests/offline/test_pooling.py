@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.settings import BEST, PoolingPass, PoolingSettings
-from offline.whole.pooling import pool_blocks
+from offline.settings import BEST
+from offline.stages.pooling import PoolingPass, PoolingSettings, pool_blocks
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from offline.rows.propagation import propagate
-from offline.settings import BEST, PropagationSettings
+from offline.settings import BEST
+from offline.stages.propagation import PropagationSettings, propagate
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case

@@ -7,8 +7,7 @@ import pytest
 
 from offline.measured import Measured
 from offline.parts import Part, applied
-from offline.rows.refinement import Refinement, noise_level, refine
-from offline.settings import RefinementSettings
+from offline.stages.refinement import Refinement, RefinementSettings, noise_level, refine
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot

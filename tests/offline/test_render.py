@@ -13,7 +13,10 @@ from PIL import Image
 from offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
 from offline.burst import merge_burst
 from offline.parts import Part, finish
-from offline.settings import UNLEARNED, AffinitySettings, ChromaticitySettings, LuminanceSettings
+from offline.settings import UNLEARNED
+from offline.stages.affinity import AffinitySettings
+from offline.stages.chromaticity import ChromaticitySettings
+from offline.stages.luminance import LuminanceSettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.errors import InputError, RangeError
 from shared.progress import Progress

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from offline.cleaned import unclipped_blocks
-from offline.kernels.pieces import BLOCK_ROWS
+from offline.numerics.pieces import BLOCK_ROWS
 from offline.parts import Part
-from offline.rows.correction import Missed, correct_sites
-from offline.settings import Switch
-from offline.sites import settle_luminance, site_reach
+from offline.stage import Switch
+from offline.stages.correction import Missed, correct_sites, settle_luminance, site_reach
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
@@ -206,6 +205,6 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
 
 def test_errors_that_cannot_be_are_not_shared_out_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     """Correlations beyond one have no most probable errors: the picture is refused, not wrong."""
-    monkeypatch.setattr("offline.sites.nearness", lambda *_: np.full((4, 4), 3.0) - 2 * np.eye(4))
+    monkeypatch.setattr("offline.stages.correction.nearness", lambda *_: np.full((4, 4), 3.0) - 2 * np.eye(4))
     mosaic = shot(CfaPattern.bayer(6), (48, 48), None)
     assert np.isnan(corrected(render_of(mosaic), mosaic).chromaticity).any()

@@ -143,7 +143,7 @@ def test_what_is_no_list_of_stages_is_refused(stages: Any, words: str) -> None:
 
 def test_the_page_of_the_render_names_the_stages_as_the_code_does() -> None:
     page = (ROOT / "offline" / "README.md").read_text("utf-8").partition("## The page")[2].partition("## ")[0]
-    named = re.findall(r"\[`(\w+)`\]\(rows/", page)
+    named = re.findall(r"\[`(\w+)`\]\(stages/", page)
     found: list[str] = []
     for pattern in (CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")):
         ramp = Shading(np.tile(np.linspace(0.9, 1.1, 16).reshape(4, 4), (4, 1, 1)).tolist(), (48, 48))

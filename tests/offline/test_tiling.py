@@ -10,7 +10,8 @@ import pytest
 from offline import BEST, PAPER, render, render_bands
 from offline import tiling as product
 from offline.parts import Look, Part, windows
-from offline.settings import RefinementSettings, RenderSettings
+from offline.settings import RenderSettings
+from offline.stages.refinement import RefinementSettings
 from offline.tiling import bands, domain_places, patches_of
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray

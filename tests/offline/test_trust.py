@@ -9,8 +9,8 @@ from PIL import Image, ImageDraw
 from offline import BEST, PAPER, render
 from offline.blocks import sum_noise
 from offline.cleaned import Cleaned
-from offline.whole.highlights import clipping_level
-from offline.whole.trust import in_keeping, trust_in_blocks, with_trusted_colour
+from offline.stages.highlights import clipping_level
+from offline.stages.trust import in_keeping, trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, Mosaic, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot
 from tests.offline.test_highlights import NEUTRAL, exposed

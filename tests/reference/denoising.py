@@ -6,7 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dctn, idctn
 
-from offline.settings import DenoisingSettings
+from offline.stages.denoising import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
 
 Gains = Callable[[DoubleArray, DoubleArray, DoubleArray], DoubleArray]

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from offline.measured import EVEN
-from offline.sites import FILLED
-from offline.whole import colour_lines as constants
+from offline.stages import colour_lines as constants
+from offline.stages.correction import FILLED
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur

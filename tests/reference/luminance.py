@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pywt
 
-from offline.whole import luminance as constants
+from offline.stages import luminance as constants
 from shared.arrays import BoolArray, DoubleArray
 from tests.reference.gaussian import blur
 

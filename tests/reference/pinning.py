@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from offline.rows import pinning as constants
+from offline.stages import pinning as constants
 from shared import CfaPattern
 from shared.arrays import DoubleArray
 from tests.reference import sites

@@ -1,4 +1,4 @@
-"""Errors at the colour sites, block by block, from the normal equations of the Gaussian model that `offline.sites` describes."""
+"""Errors at the colour sites, block by block, from the normal equations of the model in `offline.stages.correction`."""
 
 import math
 from functools import cache
@@ -6,8 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from offline import sites as constants
 from offline.measured import EVEN
+from offline.stages import correction as constants
 from shared import CfaPattern, NoiseModel, site_errors
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur

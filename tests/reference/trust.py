@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 
-from offline.whole import trust as constants
+from offline.stages import trust as constants
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur

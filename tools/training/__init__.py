@@ -1,1 +1,1 @@
-"""Makes the networks of `offline.rows.learned` from photographs and drawn scenes; `offline/models/README.md` is their card."""
+"""Training of the networks in `offline/models`; `offline.stages.colour_network` and `luminance_network` run them. Needs PyTorch."""

@@ -12,8 +12,8 @@ import numpy as np
 
 from offline.parts import Part
 from offline.render import measure, parts_of
-from offline.rows.learned import UNKNOWN, Cells, Inputs
 from offline.settings import BEST
+from offline.stages.colour_network import UNKNOWN, Cells, Inputs
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.writing import durable_file
@@ -39,7 +39,7 @@ class Example:
 
     picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
     truth: float16, the same of the scene.
-    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.rows.learned.Inputs`.
+    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.stages.colour_network.Inputs`.
     """
 
     picture: FloatArray

@@ -5,7 +5,7 @@ training can begin with them: onnxruntime rounds them as it reads the file. Wher
 file answers by the mean of what the network finds in a picture and in the turned one: 0.05 to 0.08 dB. There is one set of weights
 for both, for it is the turned weights that see a picture turned.
 
-What goes in, and what becomes of the result, is computed by `offline.rows.learned`; `tests/tools/training` compares both.
+What goes in, and what becomes of the result, is computed by `offline.stages.colour_network`; `tests/tools/training` compares both.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
-from offline.rows.learned import REACH
+from offline.stages.colour_network import REACH
 from shared.arrays import FloatArray, IndexArray
 from shared.writing import write_durably
 

@@ -1,4 +1,4 @@
-"""Learn what corrects filled luminance, `offline.whole.filling`: `python -m tools.training.luminance FOLDER... -o FILE`.
+"""Learn what corrects filled luminance, `offline.stages.luminance_network`: `python -m tools.training.luminance FOLDER... -o FILE`.
 
 Photographs and drawings are simulated with tiles of several K, without and with noise, and filled by wavelets. From the pixels
 around each block the network foretells what its sites are off by. The same command with as many threads gives the same weights.
@@ -19,8 +19,8 @@ from torch import nn
 
 from offline import use_threads
 from offline.settings import UNLEARNED
-from offline.whole.filling import REACH, SIDE, seen_around
-from offline.whole.luminance import recover_luminance
+from offline.stages.luminance import recover_luminance
+from offline.stages.luminance_network import REACH, SIDE, seen_around
 from shared import CfaPattern
 from shared.arrays import BORDER, FloatArray
 from tools.host.console import Console

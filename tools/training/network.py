@@ -14,7 +14,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from offline.kernels.cells import GATE, SURROUNDINGS
+from offline.stages.colour_network import GATE, SURROUNDINGS
 from shared.arrays import FloatArray
 
 CHANNELS, BLOCKS = 128, 4
@@ -70,7 +70,7 @@ class Network(nn.Module):  # type: ignore[misc]
 def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
-    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.rows.learned.Inputs`.
+    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Inputs`.
     """
     pixels = light.shape[1]
     mean_light, *tints, noise = (

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from scipy.linalg import block_diag
 
-from offline.kernels.cells import SURROUNDINGS
+from offline.stages.colour_network import SURROUNDINGS
 from offline.version import ALGORITHM
 from shared.arrays import FloatArray, IndexArray
 from shared.errors import InputError

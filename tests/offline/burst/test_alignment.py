@@ -7,7 +7,7 @@ import pytest
 
 from offline.burst import Alignment, Motion, View, align, alignment
 from offline.settings import BEST
-from offline.whole.luminance import recover_luminance
+from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel

@@ -12,9 +12,9 @@ from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render
 from offline.burst.colour import relit_sites
 from offline.burst.render import MergedLuminance, denoised, merged_luminance
 from offline.burst.selection import compared
+from offline.burst.spreading import TOLERANCE
 from offline.cleaned import Cleaned
-from offline.kernels.spreading import TOLERANCE
-from offline.whole.denoising import denoise_luminance
+from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.gaussian import gaussian
-from offline.kernels.averaging import average
+from offline.numerics.gaussian import gaussian
+from offline.stages.refinement import average
 from shared.arrays import FloatArray, mirrored
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close

@@ -11,9 +11,10 @@ import numba
 import numpy as np
 import pytest
 
-from offline.kernels import compile as product
-from offline.kernels.arrays import Ints1
-from offline.kernels.highlights import interpolate, raise_clipped
+from offline.numerics import compile as product
+from offline.numerics.arrays import Ints1
+from offline.numerics.interpolation import interpolate
+from offline.stages.highlights import raise_clipped
 from shared.arrays import IndexArray
 from tests.data import ROOT
 from tests.python import run_python
@@ -30,8 +31,8 @@ def mirror(pieces: Pieces, places: Ints1, size: int):
 """
 SCRIPT = """
 import numpy as np
-from offline.kernels.compile import compilation
-from offline.kernels.mirror import mirror
+from offline.numerics.compile import compilation
+from offline.numerics.mirror import mirror
 with compilation(lambda number, most: print("compiling", number)):
     places = np.array([-3, 6])
     mirror(places, 5)
@@ -43,7 +44,7 @@ def copied(folder: Path) -> None:
     """A copy of our packages with one more kernel."""
     for package in ("offline", "shared"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    (folder / "offline/kernels/mirror.py").write_text(KERNEL)
+    (folder / "offline/numerics/mirror.py").write_text(KERNEL)
 
 
 COMPILED, KEPT = "compiling 1\n3 2\n", "3 2\n"
@@ -53,7 +54,7 @@ def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    helper = tmp_path / "offline/kernels/functions.py"  # from which the kernel takes a function
+    helper = tmp_path / "offline/numerics/functions.py"  # from which the kernel takes a function
     helper.write_text(helper.read_text() + "# changed\n")
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     for path in tmp_path.rglob("mirror*.nb[ic]"):
@@ -65,8 +66,8 @@ def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_
 
 IN_TURN = """
 import numpy as np
-from offline.kernels.arrays import Doubles1
-from offline.kernels.compile import Pieces, compilation, kernel, parallel_kernel
+from offline.numerics.arrays import Doubles1
+from offline.numerics.compile import Pieces, compilation, kernel, parallel_kernel
 
 @kernel
 def part(x):

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.kernels.denoising import denoise
-from offline.whole.denoising import cosines
+from offline.stages.denoising import cosines, denoise
 from shared.arrays import BoolArray, FloatArray
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close

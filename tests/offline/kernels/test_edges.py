@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from offline.kernels.edges import transmission
-from offline.kernels.lanes import WIDTH
-from offline.rows.affinity import derivative_filters
+from offline.numerics.lanes import WIDTH
+from offline.stages.affinity import derivative_filters, transmission
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 from tests.reference import affinity as reference

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.rows import affinity as product
-from offline.rows.affinity import solve_affinities
-from offline.settings import AffinitySettings
+from offline.stages import affinity as product
+from offline.stages.affinity import AffinitySettings, solve_affinities
 from offline.tiling import bands, core_patches
 from shared import CfaPattern
 from shared.arrays import FloatArray

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from offline.blocks import tile
-from offline.kernels.highlights import interpolate, raise_clipped
+from offline.numerics.interpolation import interpolate
+from offline.stages.highlights import raise_clipped
 from shared import CfaPattern
 from tests.offline.scenes import every_case
 from tests.reference import highlights as reference

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.settings import LuminanceSettings
-from offline.whole import luminance as product
-from offline.whole.luminance import fill, recover_luminance
+from offline.stages import luminance as product
+from offline.stages.luminance import LuminanceSettings, fill, recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.kernels.patterns import frames

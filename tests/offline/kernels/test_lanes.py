@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from offline.kernels import functions
-from offline.kernels.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, total, where_less
+from offline.numerics import functions
+from offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, total, where_less
 from shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 

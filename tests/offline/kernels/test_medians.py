@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.whole.chromaticity import oriented_medians
+from offline.stages.chromaticity import oriented_medians
 from tests.reference import chromaticity as reference
 
 

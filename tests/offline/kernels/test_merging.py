@@ -5,7 +5,7 @@ import pytest
 
 from offline.burst import Motion
 from offline.burst.frames import as_arrays, displaced
-from offline.kernels.merging import merge
+from offline.burst.merging import merge
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.reference.compare import assert_close

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline.blocks import tile
-from offline.kernels.outliers import find_outliers, mend_panchromatic
+from offline.stages.defects import find_outliers, mend_panchromatic
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
-from offline.gaussian import gaussian
-from offline.kernels.smoothing import smooth
+from offline.numerics.gaussian import gaussian, smooth
 
 FLOAT32 = 1e-6
 

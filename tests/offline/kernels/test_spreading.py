@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.kernels.spreading import HALO, TILE, spread_samples, tiles_of
-from offline.kernels.spreading import TOLERANCE as LIMIT
+from offline.burst.spreading import HALO, spread_samples
+from offline.burst.spreading import TOLERANCE as LIMIT
+from offline.numerics.linked import TILE, tiles_of
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 from tests.reference import burst as reference
 

@@ -9,8 +9,8 @@ import pytest
 
 import offline
 from offline import BEST, PRESETS, available_threads, threads, use_threads
-from offline.kernels.arrays import Floats1
-from offline.kernels.compile import ParallelKernel, Pieces
+from offline.numerics.arrays import Floats1
+from offline.numerics.compile import ParallelKernel, Pieces
 from shared import CfaPattern, Mosaic, SensorCalibration
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run

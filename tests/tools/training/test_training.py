@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline.kernels.cells import STATE, describe, survey
-from offline.rows.learned import REACH
-from offline.whole.filling import SIDE
+from offline.stages.colour_network import REACH, STATE, describe, survey
+from offline.stages.luminance_network import SIDE
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError

@@ -1,0 +1,260 @@
+"""Non-local averaging of chromaticity among pixels whose luminance looks alike (section 3.3, Eqs. 15-16).
+
+Non-local averaging of chromaticity (Eqs. 15-16), in tiles that stay in the cache.
+
+Weights are computed once for all repetitions, and for half the offsets: the distance from n' to n equals that from n to n'. The
+offset (down, across) has the number down * side + across; the opposite one has its negative.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from shared.arrays import FloatArray, mirrored
+from shared.calibration import NoiseModel
+
+from ..measured import Measured
+from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
+from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
+from ..numerics.gaussian import gaussian
+from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
+from ..numerics.pieces import tiles
+from ..parts import Look, Part, RowStage
+from ..stage import CountOrNone, NotNegative, Positive, StageSettings
+
+
+@dataclass(frozen=True)
+class RefinementSettings(StageSettings):
+    """Non-local averaging of chromaticity, Eqs. 15-16.
+
+    strength: lambda in h = lambda sigma_z, 40 in the paper.
+    floor: the least h, scene units, > 0; it makes sigma_z = 0 defined and the average harmless there.
+    blur: standard deviation of G in periods (K/8 in the paper).
+    repetitions: 0 or more ("multiple times" in the paper).
+    """
+
+    asked_by = ("repetitions",)
+    strength: NotNegative = 40.0
+    floor: Positive = 1e-3
+    blur: Positive = 1 / 8
+    repetitions: CountOrNone = 2
+
+
+@dataclass(eq=False)
+class Refinement(RowStage):
+    """c+[n] of Eq. 15 over a window of about one period, applied `settings.repetitions` times, 1 or more."""
+
+    measured: Measured
+    settings: RefinementSettings
+
+    name = "refinement"
+    kernels = ("average",)
+
+    @property
+    def look(self) -> Look:
+        """Half a window for each repetition."""
+        return Look(self.settings.repetitions * (self.measured.pattern.period // 2))
+
+    @cached_property
+    def sigma(self) -> float:
+        """sigma_z of Eq. 16, scene units."""
+        return noise_level(self.measured.luminance, self.measured.calibration.noise)
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows with their chromaticity refined."""
+        luminance, period = self.measured.luminance, self.measured.pattern.period
+        return Part(rows[0], part.rows(*rows).luminance, refine(part, rows, luminance, period, self.sigma, self.settings))
+
+
+def refine(
+    part: Part, rows: tuple[int, int], luminance: FloatArray, period: int, sigma: float, settings: RefinementSettings
+) -> FloatArray:
+    """c+[n] of some rows of the frame, float32 (rows, W, C).
+
+    part: c[n], with what the window reaches around these rows.
+    luminance: (H, W), the whole frame.
+    period: K, pixels.
+    sigma: sigma_z of Eq. 16, scene units (see `noise_level`).
+    """
+    if not settings.used:
+        return part.rows(*rows).chromaticity.copy()
+    result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
+    width = max(settings.strength * sigma, settings.floor)  # h
+    blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
+    margin = (settings.repetitions + 1) * radius + len(blur) // 2
+    down, across = (
+        mirrored(np.arange(first - margin, end + margin), size)
+        for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
+    )
+    at = (down - part.first).clip(0, len(part.chromaticity) - 1)  # beyond them, weights alone are needed
+    initial = np.ascontiguousarray(part.chromaticity)
+    average(initial, luminance, (down, at, across), radius, blur, -0.5 / width**2, settings.repetitions, result)
+    return result
+
+
+def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
+    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no noise model."""
+    return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
+
+
+_ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
+_TOGETHER = 4  # planes summed at a time: 12 % faster than two with the registers of AVX-512, 1 % slower with those of AVX2
+_ZERO, _ONE = np.float32(0), np.float32(1)
+_LEAST = np.finfo(np.float32).tiny
+
+
+@parallel_kernel(pieces=lambda *given: tiles(given[-1].shape[:2], (_ROWS, _COLUMNS)))
+def average(
+    pieces: Pieces,
+    initial: Floats3,
+    luminance: Floats2,
+    places: tuple[Ints1, Ints1, Ints1],
+    radius: int,
+    blur: Floats1,
+    falloff: float,
+    repetitions: int,
+    out: Floats3,
+) -> None:
+    """Average the chromaticities of Eq. 10 over some rows of the frame.
+
+    initial: (rows, W, C), chromaticities.
+    luminance: (H, W), scene units.
+    places: the row of `luminance`, the row of `initial` and the column of both for each row and column of `out`, and for those that
+        it depends on: radius * (repetitions + 1) + half the taps more at both ends.
+    radius: radius of the square window around n, pixels.
+    blur: taps of the Gaussian, an odd number.
+    falloff: -1 / (2 h^2).
+    repetitions: 1 or more.
+    out: (rows of the result, W, C), written.
+    """
+    (height, width, channels), reach = out.shape, len(blur) // 2
+    margin, begin = (repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
+    lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
+    tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
+    planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
+    weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
+    colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
+    light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
+    for tile in range(pieces[0], pieces[1]):
+        top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
+        below, after = bottom - top + margin, right - left + margin
+        for row in range(below + margin):
+            tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
+            _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
+        rows, columns = (2 * radius, below + margin - 2 * radius), (begin, lead + after + margin - radius - reach)
+        _weigh(light, rows, columns, radius, blur, np.float32(falloff), (squares, lines), weights)
+        for following in range(repetitions - 1, -1, -1):
+            rows = margin - following * radius, below + following * radius
+            _average(weights, colour, rows, columns, radius, mean)
+            if following:
+                _lit(mean, rows, columns, colour)
+        for row in range(margin, below):
+            found = out[top + row - margin, left : left + after - margin]
+            _finish(mean[:, row, lead + margin :], initial[places[1][top + row], left:], found)
+
+
+@kernel
+def _gather(source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colour: Floats2) -> None:
+    """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights by the other pixel's light."""
+    for column in range(len(places)):
+        light[column] = source[places[column]]
+        colour[0, column] = max(light[column], _ZERO)
+    for channel in range(tints.shape[1]):
+        for column in range(len(places)):
+            colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]
+
+
+@kernel
+def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
+    """Write a row of the result; a pixel without light around it keeps its chromaticity."""
+    for channel in range(out.shape[1]):
+        for column in range(len(out)):
+            out[column, channel] = mean[channel + 1, column] if mean[0, column] > _LEAST else initial[column, channel]
+
+
+@kernel
+def _weigh(
+    light: Floats2, rows: Pair, columns: Pair, radius: int, blur: Floats1, falloff: Scalar,
+    memory: tuple[Floats1, Floats2], weights: Floats3
+) -> None:  # fmt: skip
+    """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
+
+    rows: the first and the end of those that the first repetition looks at, `reach` more on both sides. columns: with weights.
+    memory: for a line and a plane of squared differences.
+    """
+    (squares, lines), reach, side = memory, len(blur) // 2, 2 * radius + 1
+    for offset in range(len(weights)):
+        down, across = (offset + radius) // side, (offset + radius) % side - radius
+        for row in range(rows[0] - down, rows[1]):  # those above are paired with the first ones
+            for column in range(columns[0] - reach, columns[1] + reach, WIDTH):
+                difference = load(light, (row + down, column + across)) - load(light, (row, column))
+                store(squares, column, difference * difference)
+            for column in range(columns[0], columns[1], WIDTH):
+                total = blur[0] * load(squares, column - reach)
+                for tap in range(1, len(blur)):
+                    total += blur[tap] * load(squares, column - reach + tap)
+                store(lines, (row, column), total)
+        for row in range(rows[0] - down + reach, rows[1] - reach, 2):
+            for column in range(columns[0], columns[1], WIDTH):
+                following = load(lines, (row - reach + 1, column))
+                upper, lower = blur[0] * load(lines, (row - reach, column)), blur[0] * following
+                for tap in range(1, len(blur)):
+                    upper += blur[tap] * following
+                    following = load(lines, (row - reach + tap + 1, column))
+                    lower += blur[tap] * following
+                store(weights, (offset, row, column), _weight(upper * falloff))
+                store(weights, (offset, row + 1, column), _weight(lower * falloff))
+
+
+@kernel
+def _weight(exponent: Lanes) -> Lanes:
+    """e^x, and 0 below an exponent of -87."""
+    return where_less(exponent, LEAST_EXPONENT, _ZERO, exponential(exponent))
+
+
+@kernel
+def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3) -> None:
+    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of the others divided by it.
+
+    Two rows are computed together, which have most neighbours in common. Beside the edges nothing is right, and nothing is used.
+    """
+    nothing = _ZERO * load(colour, (0, 0, 0))
+    for row in range(rows[0], rows[1], 2):
+        for column in range(columns[0], columns[1], WIDTH):
+            for plane in range(0, len(colour), _TOGETHER):
+                a = b = c = d = e = f = g = h = nothing
+                for y in range(row - radius, row + radius + 2):
+                    for x in range(column - radius, column + radius + 1):
+                        s, t = load(colour, (plane, y, x)), load(colour, (plane + 1, y, x))
+                        u, v = load(colour, (plane + 2, y, x)), load(colour, (plane + 3, y, x))
+                        if y <= row + radius:
+                            weight = _between(weights, row, column, y, x, radius)
+                            a, b, c, d = a + weight * s, b + weight * t, c + weight * u, d + weight * v
+                        if y > row - radius:
+                            weight = _between(weights, row + 1, column, y, x, radius)
+                            e, f, g, h = e + weight * s, f + weight * t, g + weight * u, h + weight * v
+                for step, upper, lower in ((0, a, e), (1, b, f), (2, c, g), (3, d, h)):
+                    store(mean, (plane + step, row, column), upper)
+                    store(mean, (plane + step, row + 1, column), lower)
+            for each in range(row, row + 2):
+                share = quotient(_ONE, greater(load(mean, (0, each, column)), _LEAST))
+                for plane in range(1, len(colour)):
+                    store(mean, (plane, each, column), load(mean, (plane, each, column)) * share)
+
+
+@kernel
+def _between(weights: Floats3, row: int, column: int, y: int, x: int, radius: int) -> Lanes:
+    """The weights of the pixels at (y, x) for those at (row, column)."""
+    offset = (y - row) * (2 * radius + 1) + x - column
+    return load(weights, (offset, row, column)) if offset >= 0 else load(weights, (-offset, y, x))
+
+
+@kernel
+def _lit(mean: Floats3, rows: Pair, columns: Pair, colour: Floats3) -> None:
+    """Multiply what Eq. 15 gave by the light, for the next repetition."""
+    for plane in range(1, len(colour)):
+        for row in range(rows[0], rows[1]):
+            for column in range(columns[0], columns[1], WIDTH):
+                store(colour, (plane, row, column), load(colour, (0, row, column)) * load(mean, (plane, row, column)))

@@ -1,0 +1,84 @@
+"""Trust in the colour of each block: full where its samples add up to the luminance around it (Eq. 7).
+
+If an edge or a stroke runs under a block, its samples show different surfaces, and their ratio is no chromaticity. Then they do not
+add up to luminance as interpolated from the panchromatic samples around the block, unless by chance. The less they do, the more the
+block takes the chromaticity of its neighbours. Beside clipped samples, where luminance is not known, the tolerance is smaller, and
+blocks are compared with one another, too: one that is darker than those around it, as under a stroke of over-exposed print, is not
+trusted. Blocks that do add up keep their colour, however saturated. The paper has none of this.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray
+
+from ..blocks import sum_noise
+from ..cleaned import Cleaned
+from ..numerics.gaussian import smoothed
+from ..stage import Positive, Switch
+
+
+@dataclass(frozen=True)
+class TrustSettings(Switch):
+    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `stages.trust`); not in the paper.
+
+    tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
+        its neighbours, > 0.
+    """
+
+    kernels = "surroundings", "smooth"
+    tolerance: Positive = 0.4
+
+
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
+_CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)
+_AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
+_SUNKEN = 0.05  # next to a clipped sample: by which share of their light blocks may be darker than those around
+_STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
+_NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs loses up to 0.1 dB
+_TINY = 1e-9  # keeps divisions by luminance and by trust finite
+
+
+def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | None:
+    """Trust in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
+
+    frame: its highlights not restored.
+    """
+    if not settings.used:
+        return None
+    found, gamma = frame.around, frame.gamma
+    total = np.zeros(frame.sites.shape)
+    for channel, weight in enumerate(gamma):
+        total += weight * frame.samples[..., frame.sites.channels == channel].mean(axis=2)
+    light = found.light.mean(axis=2)
+    # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
+    apart = np.where(found.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
+    tolerance = settings.tolerance * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
+    unsure = sum_noise(frame.sites, found.light, gamma, frame.noise) if frame.noise else 0.0
+    trust = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
+    return np.where(found.highest >= frame.clipping, trust * in_keeping(total, unsure), trust)
+
+
+def in_keeping(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
+    """How far each block is as bright as those around it, 0 to 1, float64 (rows, columns); brighter ones are: strokes are dark.
+
+    total: what the channels of a block add up to, scene units. unsure: standard deviation of its noise.
+    """
+    around = smoothed(total[None], _AROUND)[0].astype(np.float64)
+    return 1 / (1 + (np.maximum(around - total, 0) / np.maximum(_SUNKEN * around + _NOISE * unsure, _TINY)) ** _STEEPNESS)
+
+
+def with_trusted_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:
+    """Chromaticities of all blocks, float32 (block rows, block columns, C); those without trust are replaced by their neighbours'.
+
+    blocks: as the result, which is `blocks` itself where `frame.trust` is None.
+    """
+    trust, sites = frame.trust, frame.sites
+    if trust is None:
+        return blocks
+    whole = sites.whole(blocks).astype(np.float64)
+    weight, *sums = smoothed(np.stack([trust, *(trust * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND)
+    around = np.stack(sums, axis=2) / np.maximum(weight, _TINY)[..., None]
+    around /= (around @ frame.gamma)[..., None]
+    return sites.grid.extend((around + trust[..., None] * (whole - around)).astype(np.float32))
