@@ -5,7 +5,7 @@ import shutil
 import threading
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -141,3 +141,19 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.
     made(np.arange(4 * product.LITTLE))
     assert sum(size for size, _ in seen[1:]) == 4 * product.LITTLE
     assert len(seen) > 2
+
+
+class Scale(NamedTuple):
+    factors: Ints1
+    offset: int
+
+
+def scaled(pieces: product.Pieces, scale: Scale, numbers: Ints1, /) -> None:
+    for place in range(pieces[0], pieces[1]):
+        numbers[place] = scale.factors[place] * numbers[place] + scale.offset
+
+
+def test_a_kernel_takes_named_tuples() -> None:
+    numbers = np.arange(3)
+    product.ParallelKernel(scaled, lambda scale, numbers: len(numbers))(Scale(np.array([1, 2, 3]), 10), numbers)
+    assert numbers.tolist() == [10, 12, 16]
