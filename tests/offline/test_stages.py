@@ -15,8 +15,11 @@ from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tests.data import ROOT
+from tests.offline.stage_tests import RowStageTests
 from tests.scenes import leaves
 from tools.camera.sensor import simulate_additive
+
+SCATTERED = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 
 
 def shot(rows: int = 50, columns: int = 40, pattern: CfaPattern | None = None) -> Mosaic:
@@ -145,10 +148,34 @@ def test_the_page_of_the_render_names_the_stages_as_the_code_does() -> None:
     page = (ROOT / "offline" / "README.md").read_text("utf-8").partition("## The page")[2].partition("## ")[0]
     named = re.findall(r"\[`(\w+)`\]\(stages/", page)
     found: list[str] = []
-    for pattern in (CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")):
+    for pattern in (CfaPattern.bayer(6), SCATTERED):
         ramp = Shading(np.tile(np.linspace(0.9, 1.1, 16).reshape(4, 4), (4, 1, 1)).tolist(), (48, 48))
         dark = replace(shot(48, 48, pattern), calibration=SensorCalibration(shading=ramp))
         for settings in (PAPER, BEST):
             found += [stage.name for stage in row_stages(measure(dark, settings), settings)]
     assert set(found) == set(named)
     assert len(named) == len(set(named))
+
+
+class TestPropagation(RowStageTests):
+    settings, name = PAPER, "propagation"
+
+
+class TestRefinement(RowStageTests):
+    settings, name = PAPER, "refinement"
+
+
+class TestLines(RowStageTests):
+    name = "lines"
+
+
+class TestCorrection(RowStageTests):
+    name = "correction"
+
+
+class TestPinning(RowStageTests):
+    name, pattern = "pinning", SCATTERED
+
+
+class TestLearned(RowStageTests):
+    name = "learned"

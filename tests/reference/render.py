@@ -1,4 +1,4 @@
-"""The whole of section 3, in float64: from the mosaic to Eq. 17, with denoising and pooling where the settings have them."""
+"""The whole of section 3, in float64: from the mosaic to Eq. 17."""
 
 import math
 from typing import NamedTuple
@@ -8,9 +8,9 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, denoising, lines, pinning, pooling, propagation, refinement, sites, trust
+from tests.reference import affinity, chromaticity, propagation, refinement
 from tests.reference import luminance as wavelets
-from tests.reference.geometry import block, block_sites, is_whole, letter, patch_counts
+from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
 
 
 class Picture(NamedTuple):
@@ -39,7 +39,7 @@ def sigma_of_colour(mosaic: Mosaic) -> float:
 
 
 def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
-    """The literal render. It neither estimates noise, nor replaces defects, nor restores highlights, and has learned nothing."""
+    """The literal render, by the equations alone: stages that are not in the paper have to be off."""
     pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
     signal = mosaic.signal.astype(np.float64)
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
@@ -49,41 +49,13 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     threshold = wavelets.first_threshold(signal, part.threshold, relative=part.relative)
     light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
 
-    noise, clean = mosaic.calibration.noise, settings.denoising
-    if noise is not None and clean.strength * max(noise.shot[-1], noise.read[-1]) > 0:
-        light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
-
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
-    if noise is not None and settings.pooling.passes:
-        sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)
-        coarse = pooling.pool(coarse, sums, gamma, pattern, settings.pooling.passes, settings.pooling.light, noise)
-    if settings.trust.used:
-        trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.trust.tolerance)
-        coarse = trust.with_trusted_colour(coarse, trusted, gamma)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
-
-    variance = sites.noise_of(signal, pattern, noise)
-    fill_error = sites.fill_errors(light, pattern)
-    fitted = lines.colour_lines(signal, light, coarse, pattern, gamma, noise) if settings.lines.used else None
-    if settings.settling.used:
-        light = sites.settle(light, coarse, signal, variance, pattern, gamma, fitted)
-
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern, **vars(settings.propagation))
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
-    if fitted is not None:
-        refined = lines.on_lines(light, refined, fitted, pattern, gamma)
-    believed = np.zeros(coarse.shape[:2]) if fitted is None else fitted[2]
-    rgb = refined * light[..., None]  # Eq. 17
-    if settings.pinning.used and block(pattern).height == pattern.period:  # the sites are scattered
-        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma, believed)
-        rgb = refined * light[..., None]
-    elif settings.correction.used:
-        rgb = sites.correct(light, refined, signal, fill_error, variance, pattern, gamma, believed)
-        light = rgb @ np.array(gamma)
-        refined = rgb / light[..., None]
-    return Picture(rgb, light, refined)
+    return Picture(refined * light[..., None], light, refined)  # Eq. 17
