@@ -1,12 +1,31 @@
-"""A hand-held series of frames of one scene: where they lie against one of them."""
+"""A burst on one page: frames -> motions -> merged luminance and displaced colour samples -> RGB.
 
+The tremor of a hand displaces every frame, and its colour sites with it: together they measure colour where one frame has no sites.
+Luminance is merged first. Then the reference is rendered like one frame, from the merged luminance, and with the samples of all
+frames in the sums of its blocks. At the end the samples of all frames correct the picture, each at its own place.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import ByteArray, FloatArray
+from shared.errors import InputError
+from shared.mosaic import Mosaic
 from shared.motion import Motion
+from shared.progress import SILENT, Progress
 
+from ..measured import Measured
 from ..memory import burst_memory
-from .alignment import Alignment, align
-from .frames import View
-from .render import MergedBurst, merge_burst, render_burst_bands
-from .selection import Judged, copies
+from ..parts import RowStage
+from ..render import Others, colour_bands, coloured, row_stages, settled
+from ..settings import BEST, RenderSettings
+from ..units import check_frames
+from .align import Alignment, View, align, in_frame, in_reference
+from .colour import ColourSamples, Spreading, alone_of, relit_sites
+from .merge import denoised, merged_luminance, unseen
+from .select import Comparison, Judged, compared, copies
 
 __all__ = [
     "Alignment",
@@ -17,6 +36,97 @@ __all__ = [
     "align",
     "burst_memory",
     "copies",
+    "in_frame",
+    "in_reference",
     "merge_burst",
     "render_burst_bands",
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class MergedBurst:
+    """A burst whose frames have been merged.
+
+    reference: index of the frame that the picture shows.
+    frames: what became of each frame, in the order given.
+    shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
+    measured, samples: what `render_burst_bands` needs.
+    """
+
+    reference: int
+    frames: tuple[Judged, ...]
+    shares: FloatArray
+    measured: Measured
+    samples: ColourSamples
+
+    @property
+    def lost(self) -> ByteArray | None:
+        """Where all frames are clipped, uint8 (H, W), see `offline.cleaned.Cleaned`; None = nowhere."""
+        return self.measured.lost
+
+
+def merge_burst(
+    frames: Sequence[Mosaic],
+    settings: RenderSettings = BEST,
+    progress: Progress = SILENT,
+    *,
+    reference: int | None = None,
+    motions: Sequence[Motion] | None = None,
+) -> MergedBurst:
+    """Align and merge the frames of a burst.
+
+    frames: of one camera; those that do not fit the reference are left out (`Judged.reason`).
+    reference: index of the frame that the picture shall show, 0 or more; None = the best of those that most others agree with.
+    motions: how each frame lies against the reference, which has to be named, where that is known; otherwise it is measured.
+    Raises InputError when there is no frame, when frames and motions differ in number, when the reference is no frame's index, and
+    for samples that are not in scene units.
+    """
+    if not frames or (motions is not None and len(motions) != len(frames)):
+        raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for each frame")
+    if reference is None and motions is not None:
+        raise InputError("reference is None, expected the index of the frame that the motions start from")
+    if reference is not None and reference not in range(len(frames)):
+        raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
+    copied = copies(frames, reference)
+    distinct = [number for number in range(len(frames)) if number not in copied]
+    shots = [frames[number] for number in distinct]
+    check_frames(shots)
+    first = None if reference is None else distinct.index(reference)
+    comparison = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
+    judged = dict(zip(distinct, comparison.frames, strict=True))
+    for copy, original in copied.items():
+        judged[copy] = Judged(f"is a copy of frames[{original}]: its samples are the same", copy_of=original)
+    progress.stage("merging", 1)
+    merged = _merged(comparison, settings)
+    progress.advance()
+    return MergedBurst(distinct[comparison.reference], tuple(judged[number] for number in range(len(frames))), *merged)
+
+
+def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
+    """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
+
+    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
+    """
+
+    def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
+        return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
+
+    return colour_bands(merged.measured, settings, progress, stages)
+
+
+def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArray, Measured, ColourSamples]:
+    """`MergedBurst.shares`, `measured` and `samples`."""
+    cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
+    plain, shares = merged_luminance(kept, sites)
+    luminance = denoised(plain, shares, cleaned.mosaic, settings)
+    samples = ColourSamples.of(kept, luminance, shares, sites)
+    sums = samples.block_sums(sites) if len(kept) > 1 else None
+    if sums is not None:
+        cleaned = relit_sites(cleaned, luminance, sums)
+    # Where the reference is not alone, others measure luminance under its sites.
+    alone = alone_of(sites.of(shares).min(axis=2))
+    if sites.pattern.is_scattered:
+        alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
+    others = Others(sums, alone.astype(np.float32))
+    measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
+    return shares, measured, samples.lit_by(measured.luminance)

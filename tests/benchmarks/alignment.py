@@ -19,7 +19,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from offline import BEST
-from offline.burst import Motion, View, align
+from offline.burst import Motion, View, align, in_frame, in_reference
 from offline.stages.luminance import recover_luminance
 from shared import Mosaic, SensorCalibration
 from shared.arrays import FloatArray
@@ -67,7 +67,7 @@ def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArra
 def alignment_error(motions: Sequence[Motion | None], true: Sequence[Motion], shape: tuple[int, int]) -> float:
     """Median distance of the places where motions see the pixels of the reference from the true places, pixels."""
     distances = [
-        np.hypot(*np.subtract(motion.places(slice(None), shape), truth.places(slice(None), shape)))
+        np.hypot(*np.subtract(in_frame(motion, *np.indices(shape), shape), in_frame(truth, *np.indices(shape), shape)))
         for motion, truth in zip(motions, true, strict=True)
         if motion is not None
     ]
@@ -84,7 +84,7 @@ def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[Simul
     y, x = np.indices(shape).astype(np.float32)
     shifted = [frames[0]]
     for frame in frames[1:]:
-        back = np.stack(replace(frame.motion, local=local).back(y, x, shape))
+        back = in_reference(replace(frame.motion, local=local), y, x, shape)
         planes = [map_coordinates(plane, back, order=5, mode="mirror") for plane in np.moveaxis(rgb, -1, 0)]
         shifted.append(replace(frame, rgb=np.stack(planes, axis=-1).astype(np.float32)))
     return shifted

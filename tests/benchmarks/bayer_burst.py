@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from offline.burst import Motion, View, align
+from offline.burst import Motion, View, align, in_frame, in_reference
 from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from tools.camera.bayer import channel_map
@@ -67,7 +67,7 @@ def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motio
     seen = [_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)]
     merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
     pixels = np.indices(shape, np.float32)
-    places = [np.stack(motion.back(pixels[0], pixels[1], shape)) for motion in motions]
+    places = [in_reference(motion, *pixels, shape) for motion in motions]
     colour = channel_map(shape)
     for channel in range(3):
         at = np.concatenate([place[:, colour == channel] for place in places], axis=1)
@@ -84,7 +84,7 @@ def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
     """A frame's picture as the reference would see it."""
     from scipy.ndimage import map_coordinates
 
-    at = motion.places(slice(None), (picture.shape[0], picture.shape[1]))
+    at = in_frame(motion, *np.indices(picture.shape[:2]), picture.shape[:2])
     return np.stack([map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)], axis=-1)
 
 

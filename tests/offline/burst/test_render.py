@@ -8,7 +8,7 @@ import pytest
 
 from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
-from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
+from offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
 from offline.burst.colour import relit_sites
 from offline.burst.render import MergedLuminance, denoised, merged_luminance
 from offline.burst.selection import compared
@@ -33,7 +33,7 @@ STAGES = replace(BEST, learned=PAPER.learned)  # the network for colour has unit
 def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> FloatArray:
     """What a frame sees: fine waves of light, and coloured lines that are thinner than the distance of two blocks."""
     row, column = (plane.astype(np.float32) for plane in np.indices(shape))
-    y, x = (plane.astype(np.float64) for plane in motion.back(row, column, shape))
+    y, x = (plane.astype(np.float64) for plane in in_reference(motion, row, column, shape))
     brightness = light(y, x) / 3
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)

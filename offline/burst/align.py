@@ -1,4 +1,4 @@
-"""Find how a frame of a hand-held series lies against the reference, from their luminance.
+"""Where a frame of a hand-held series lies against the reference: found from both, and applied to points and planes.
 
 Coarse to fine: phase correlation finds the shift of small copies of both planes (Kuglin and Hines 1975). On each larger copy, every
 tile then says how far its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The
@@ -6,18 +6,26 @@ shift and rotation in which most tiles agree correct the motion, so that moving 
 agree on something else (parallax), the motion gets local shifts.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
+from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.motion import Motion
 
+from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
+from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
-from .frames import DEVIATIONS, TINY, View, displaced
+from ..numerics.interpolation import interpolated
+
+DEVIATIONS = 3.0
+"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it costs 0.2 dB."""
+TINY = 1e-12
+"""Keeps divisions finite."""
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
 _BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
@@ -26,7 +34,6 @@ _STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred whit
 _LARGEST, _SMALLEST = 1_500_000, 24  # pixels: larger planes are compared at half their size; shorter side of the smallest copy
 _CORRELATED, _PEAKS, _APART = 128, 3, 3  # pixels: longer side of correlated copies; shifts that are tried, pixels between them
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_BORDER = 1  # pixels of a copy that know what lies beyond it only mirrored
 _TILE, _COARSE_TILE = 32, 16  # pixels of the largest copy, and of smaller ones
 _FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
 _FAR, _FITS = 9.0, 12  # squared deviations, of their variance, from which on a tile counts clearly less; rounds that find them
@@ -38,11 +45,137 @@ _LOST, _WON = 0.4, 0.7  # share of squared deviations that local shifts must exp
 _LEAST = 0.2  # that share of all
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
 _MOST_ERROR = 0.5  # pixels
+_ROUNDS = 5  # that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the error by 10 or more
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Luminance as one frame shows it.
+
+    luminance: float32 (H, W), scene units.
+    noise: of its samples; None = there is none, or it is unknown.
+    limit: scene units from which on it is clipped.
+    """
+
+    luminance: FloatArray
+    noise: NoiseModel | None = None
+    limit: float = np.inf
+
+    def variance(self, light: Any) -> Any:
+        """Variance of panchromatic samples that see some light."""
+        return self.noise.variance(np.asarray(light)) if self.noise else np.zeros_like(light)
+
+
+class Motions(NamedTuple):
+    """Motions of F frames for kernels, see `Motion`.
+
+    turns: (F, 2, 2). starts: (F, 2). shifts: (F, node rows, node columns, 2), 1 x 1 nodes if there are none. spacing: nodes per
+    pixel, down and across.
+    """
+
+    turns: Doubles3
+    starts: Doubles2
+    shifts: Floats4
+    spacing: tuple[float, float]
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
+        """Motions of frames of this shape, whose local shifts have the same nodes."""
+        turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
+        nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
+        shifts = np.array([np.zeros(nodes) if motion.local is None else motion.local for motion in motions], np.float32)
+        spacing = [(count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)]
+        return cls(np.array(turns), np.array(starts), shifts, (spacing[0], spacing[1]))
+
+
+@kernel
+def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Place in a frame of the point (y, x) of the reference."""
+    turn, start, local = motions.turns[frame], motions.starts[frame], _local_shift(motions, frame, y, x)
+    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[1, 1] * x + start[1] + local[1]
+
+
+@kernel
+def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift), iterated."""
+    turn, down, across = motions.turns[frame], y - motions.starts[frame, 0], x - motions.starts[frame, 1]
+    place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
+    for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
+        local = _local_shift(motions, frame, place[0], place[1])
+        v, u = down - local[0], across - local[1]
+        place = turn[0, 0] * v + turn[1, 0] * u, turn[0, 1] * v + turn[1, 1] * u
+    return place
+
+
+@kernel
+def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Local shift at a point of the reference, bilinear; beyond the outermost nodes it is theirs."""
+    rows, columns = motions.shifts.shape[1], motions.shifts.shape[2]
+    if rows < 2:
+        return 0.0, 0.0
+    y, x = min(max(y * motions.spacing[0], 0.0), rows - 1.0), min(max(x * motions.spacing[1], 0.0), columns - 1.0)
+    top, left = min(int(y), rows - 2), min(int(x), columns - 2)
+    down, across = y - top, x - left
+    upper, lower = motions.shifts[frame, top], motions.shifts[frame, top + 1]
+    a, b, c, d = (1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across
+    v = a * upper[left, 0] + b * upper[left + 1, 0] + c * lower[left, 0] + d * lower[left + 1, 0]
+    u = a * upper[left, 1] + b * upper[left + 1, 1] + c * lower[left, 1] + d * lower[left + 1, 1]
+    return v, u
+
+
+@parallel_kernel()
+def map_points(pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2) -> None:
+    """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other way. motions: one."""
+    for point in range(pieces[0], pieces[1]):
+        y, x = points[point, 0], points[point, 1]
+        out[point, 0], out[point, 1] = reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
+
+
+@parallel_kernel()
+def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
+    """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees nothing. motions: one."""
+    height, width = plane.shape
+    for row in range(pieces[0], pieces[1]):
+        for column in range(width):
+            y, x = frame_place(motions, 0, float(row), float(column))
+            inside = -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5
+            out[row, column] = interpolated(plane, y, x) if inside else np.float32(np.nan)
+
+
+def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2, *points).
+
+    y, x: arrays of one shape, or that NumPy brings to one. shape: (H, W) of both frames. Points and places may lie outside.
+
+    >>> from offline.burst import Motion, in_frame
+    >>> in_frame(Motion((2.0, -1.0)), 10, 20, (101, 101)).tolist()
+    [12.0, 19.0]
+    """
+    return _mapped(motion, y, x, shape, 0)
+
+
+def in_reference(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Places in the reference of points of a frame: the inverse of `in_frame`."""
+    return _mapped(motion, y, x, shape, 1)
+
+
+def _mapped(motion: Motion, y: Any, x: Any, shape: tuple[int, ...], inverse: int) -> FloatArray:
+    points = np.stack(np.broadcast_arrays(y, x), axis=-1).astype(np.float64)
+    places = np.empty((points.size // 2, 2), np.float32)
+    map_points(Motions.of([motion], shape), points.reshape(-1, 2), inverse, places)
+    return np.moveaxis(places.reshape(points.shape), -1, 0)
+
+
+def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
+    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
+    result = np.empty(plane.shape, np.float32)
+    displace(plane, Motions.of([motion], plane.shape), result)
+    return result
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How a frame lies against the reference.
+    """Motion of a frame against the reference.
 
     motion: where the reference's points lie in the frame.
     gain: how many times as bright the frame is as the reference.
@@ -51,9 +184,9 @@ class Alignment:
     """
 
     motion: Motion
-    gain: float
-    error: float
-    agreement: float
+    gain: float = 1.0
+    error: float = 0.0
+    agreement: float = 1.0
 
 
 def align(reference: View, frame: View) -> Alignment:
@@ -64,12 +197,20 @@ def align(reference: View, frame: View) -> Alignment:
 
     Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
     """
+    result = find_motion(reference, frame)
+    if isinstance(result, str):
+        raise InputError(result)
+    return result
+
+
+def find_motion(reference: View, frame: View) -> Alignment | str:
+    """Return what `align` returns, or why the frame cannot be aligned."""
     shapes = reference.luminance.shape, frame.luminance.shape
     if shapes[0] != shapes[1]:
         sizes = ["{1} x {0}".format(*shape) for shape in shapes[::-1]]
-        raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference")
+        return f"{sizes[0]} pixels, expected {sizes[1]} like the reference"
     if min(shapes[0]) < _SMALLEST // 2:
-        raise InputError(f"{shapes[0][1]} x {shapes[0][0]} pixels are too few to be aligned")
+        return f"{shapes[0][1]} x {shapes[0][0]} pixels are too few to be aligned"
     copies = list(_copies(reference, frame))[::-1]
     small = [copy for copy in copies if max(copy.reference.shape) <= _CORRELATED] or copies[:1]
     scale = small[-1].scale / small[0].scale
@@ -78,14 +219,14 @@ def align(reference: View, frame: View) -> Alignment:
     best = _refined(copies[len(small) :], best.motion.times(2)) if copies[len(small) :] else best
     scale = copies[-1].scale
     if not best.error * scale <= _MOST_ERROR:
-        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
+        return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
     motion, agreement, local = best.motion, best.tiles.agreement, _local_shifts(copies[-2:], best.motion)
     if local.any():
         motion = replace(motion, local=local)
         agreement = max(agreement, copies[-1].tiles(motion).agreement)
     if agreement < _LEAST_AGREEMENT:
         share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        raise InputError(f"another scene, or too little texture: {share}")
+        return f"another scene, or too little texture: {share}"
     return Alignment(motion.times(scale), best.tiles.gain, best.error * scale, agreement)
 
 
@@ -95,7 +236,7 @@ class _Tiles(NamedTuple):
     shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
     information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
         two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
-    gain: how many times as bright the frame is. agreement: see `Alignment`.
+    gain, agreement: see `Alignment`.
     """
 
     shifts: DoubleArray
@@ -128,9 +269,9 @@ class _Copies(NamedTuple):
         """Measure how the tiles lie, compared with a motion."""
         down, across, light, difference = range(4)
         planes = np.stack([*np.gradient(self.reference), self.reference, displaced(self.frame, motion)])
-        known = np.isfinite(planes).all(axis=0)
-        planes[:, ~known] = 0
-        pixels, own, other = self.around(known), self.around(planes[light]), self.around(planes[difference])
+        finite = np.isfinite(planes).all(axis=0)
+        planes[:, ~finite] = 0
+        pixels, own, other = self.around(finite), self.around(planes[light]), self.around(planes[difference])
         lit, number = (own > 0) & (other > 0), np.maximum(pixels, 1)
         gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
         planes[difference] = planes[difference] / np.float32(gain) - planes[light]
@@ -140,10 +281,11 @@ class _Copies(NamedTuple):
         def products(one: int, other: int) -> DoubleArray:
             return self.around(planes[one] * planes[other]) - number * means[one] * means[other]
 
-        yx = products(down, across)
-        squares = np.stack([products(down, down), yx, yx, products(across, across)], axis=-1).reshape(*self.nodes, 2, 2)
+        squares = np.empty((*self.nodes, 2, 2))
+        squares[..., 0, 0], squares[..., 1, 1] = products(down, down), products(across, across)
+        squares[..., 0, 1] = squares[..., 1, 0] = products(down, across)
         right = np.stack([products(down, difference), products(across, difference)], axis=-1)
-        shifts = -np.asarray(np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0], np.float64)
+        shifts = -_solved(squares + least * np.eye(2), right)
         rest = np.maximum(products(difference, difference) + (right * shifts).sum(axis=-1), 0)
         noise = rest / np.maximum(pixels - 3, 1) + least
         # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
@@ -174,17 +316,14 @@ class _Copies(NamedTuple):
 def _copies(*views: View) -> Iterator[_Copies]:
     """Smaller and smaller copies."""
     planes = [np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) for view in views]
-    planes, scale = ([_halved(plane) for plane in planes], 2) if planes[0].size > _LARGEST else (planes, 1)
-    inside, shape, whole = np.s_[_BORDER:-_BORDER, _BORDER:-_BORDER], planes[0].shape, scale
-    while True:
-        smooth = [np.full_like(plane, np.nan) for plane in planes]
-        for copy, plane in zip(smooth, planes, strict=True):
-            copy[inside] = smoothed(plane, _BLUR)[inside]
-        tile = _TILE if scale == whole else _COARSE_TILE * scale / whole
-        nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
-        yield _Copies(scale, smooth[0], smooth[1], nodes, (views[0], views[1]))
-        if min(planes[0].shape) < 2 * _SMALLEST:
-            return
+    shape, scale = planes[0].shape, 1
+    first = 2 if planes[0].size > _LARGEST else 1
+    while scale <= first or min(planes[0].shape) >= _SMALLEST:
+        if scale >= first:
+            smooth = [np.pad(smoothed(plane, _BLUR)[1:-1, 1:-1], 1, constant_values=np.nan) for plane in planes]
+            tile = _TILE * first if scale == first else _COARSE_TILE * scale
+            nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
+            yield _Copies(scale, smooth[0], smooth[1], nodes, (views[0], views[1]))
         planes, scale = [_halved(plane) for plane in planes], 2 * scale
 
 
@@ -229,7 +368,7 @@ def _refined(levels: list[_Copies], motion: Motion) -> _Fit:
 
 def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> _Fit:
     """The motion corrected as most tiles agree."""
-    shape = level.reference.shape[0], level.reference.shape[1]
+    shape = level.reference.shape
     places = (np.linspace(-(size - 1) / 2, (size - 1) / 2, count) for size, count in zip(shape, level.nodes, strict=True))
     arm = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1) @ motion.affine(shape)[0].T
     length = float(np.square(arm).sum(axis=-1).mean()) ** 0.5 + TINY
@@ -279,7 +418,12 @@ def _shared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
     right = (information @ shifts[..., None])[..., 0]
     near = np.moveaxis(smoothed(np.moveaxis(right, 2, 0), _NEAR), 0, 2)
     total = np.moveaxis(smoothed(np.moveaxis(information, (2, 3), (0, 1)), _NEAR), (0, 1), (2, 3))
-    return np.asarray(np.linalg.solve(total + 1e-3 * np.eye(2), near[..., None])[..., 0], np.float64)
+    return _solved(total + 1e-3 * np.eye(2), near)
+
+
+def _solved(matrices: DoubleArray, right: FloatArray | DoubleArray) -> DoubleArray:
+    """Solutions of systems of two equations, (R, C, 2, 2) and (R, C, 2)."""
+    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 
 def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:

@@ -1,4 +1,4 @@
-"""How far a frame agrees with the reference at each pixel, beyond noise: 0 where something moved, was hidden or changed.
+"""Agreement of a frame with the reference at each pixel, beyond noise: 0 where something moved, was hidden or changed.
 
 They are compared where both measure luminance. The light has detail finer than a pixel, which each frame samples at other places
 (aliasing), so edges and texture differ even where nothing has changed: differences are tolerated in proportion to the contrast of
@@ -10,22 +10,32 @@ of all blocks of the reference nearby. A thin coloured line may do the same to a
 blocks together show it, or most of a neighbourhood.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum_filter
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray, strips
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 
 from ..blocks import Sites
 from ..numerics.gaussian import gaussian, smoothed
-from .frames import CLIPPED, DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame, View
+from .align import DEVIATIONS, TINY, View, displaced, in_frame, in_reference
+
+CLIPPED = 0.98
+"""Share of the sensor's limit from which on light counts as clipped. Chosen."""
+NEIGHBOURHOOD = 1.5
+"""Pixels: standard deviation of the Gaussian neighbourhood in which contrast is measured.
+
+Chosen: half of it costs 0.4 dB, twice gains 0.07."""
+FILL_ERROR = 0.3
+"""Error of filled luminance as a share of that contrast. Chosen: half and twice change moving things by 0.6 dB, in both ways."""
 
 # Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said, and
-# photographs (constants benchmark) by 0.05. What each finds: tests/offline/burst/test_agreement.py.
+# photographs (constants benchmark) by 0.05. What each finds: tests/offline/burst/test_agree.py.
 _SHIFTED, _WIDE = 2.0, 5.0  # pixels: standard deviations of larger neighbourhoods (photographs: 0.1, 0.0 dB)
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
 _LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
@@ -39,21 +49,62 @@ _STRIP = 256  # rows that are compared at a time
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2  # rows around them that they depend on
 
 
-def agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
-    """How far a frame agrees with the reference at each pixel, 0 to 255, uint8 (H, W).
+@dataclass(frozen=True, eq=False)
+class Frame(View):
+    """A frame with its defects mended.
 
-    frame: as the reference would see it, in units of the reference; NaN where it sees nothing.
-    measured: (H, W), 0 to 1, how far both measure luminance there rather than interpolate it.
+    colours: (block rows, block columns, S), the samples of its whole blocks.
+    """
+
+    colours: FloatArray = field(kw_only=True)
+
+    def darker(self, gain: float) -> "Frame":
+        """Return the frame as if it had been exposed `gain` times less."""
+        noise = self.noise and self.noise.in_units_of(gain)
+        return Frame(self.luminance / np.float32(gain), noise, self.limit / gain, colours=self.colours / np.float32(gain))
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The frame that others are compared with. shot: its mosaic."""
+
+    shot: Mosaic
+    frame: Frame
+
+    @cached_property
+    def colours(self) -> "_BlockColours":
+        """Colours of its blocks."""
+        return _block_colours(self.frame, self.shot)
+
+
+def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:
+    """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
+
+    frame: in units of the reference. light: its luminance as the reference would see it; NaN where it sees nothing.
     Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
     """
-    found = np.empty(reference.luminance.shape, np.uint8)
-    for top in range(0, len(found), _STRIP):
-        bottom = min(top + _STRIP, len(found))
-        first = max(top - _HALO, 0)
-        part = slice(first, min(bottom + _HALO, len(found)))
-        own, other = (replace(view, luminance=view.luminance[part]) for view in (reference, frame))
-        found[top:bottom] = _agreement(own, other, measured[part])[top - first : bottom - first]
-    return found
+    mask = reference.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
+    measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask  # rather than interpolated, in both
+    deviation, result = colour_change(reference, frame, motion), np.empty(light.shape, np.uint8)
+    for rows in strips(len(light), _STRIP):
+        first = max(rows.start - _HALO, 0)
+        part = slice(first, rows.stop + _HALO)
+        own = replace(reference.frame, luminance=reference.frame.luminance[part])
+        agrees = agreement_of_luminance(own, View(light[part], frame.noise, frame.limit), measured[part])
+        agrees = agrees[rows.start - first : rows.stop - first]
+        result[rows] = np.rint(agrees * _agreement_of(_on_pixels(deviation, motion, reference.shot, rows)))
+    return result
+
+
+def agreement_of_luminance(reference: View, frame: View, measured: FloatArray) -> ByteArray:
+    """Agreement by luminance alone. measured: (H, W), 0 to 1, how far both measure luminance there."""
+    visible = np.isfinite(frame.luminance)
+    frame = replace(frame, luminance=np.where(visible, frame.luminance, reference.luminance))
+    shown, own_shown = unclipped(frame) * visible, unclipped(reference)
+    weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
+    agrees = _agreement_of(_deviation(reference, frame, weight.astype(np.float32)))
+    agrees = np.where((own_shown == 0) & (frame.luminance > _BRIGHT * reference.limit), 1, agrees)
+    return np.rint(255 * minimum_filter(shown * agrees, _FRINGE)).astype(np.uint8)
 
 
 def unclipped(view: View) -> FloatArray:
@@ -63,19 +114,9 @@ def unclipped(view: View) -> FloatArray:
     return np.clip((CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1)
 
 
-def agreement_of(deviation: FloatArray) -> FloatArray:
+def _agreement_of(deviation: FloatArray) -> FloatArray:
     """Agreement, 0 to 1, from squared deviations in units of the tolerance."""
     return np.clip((1 / (1 + np.square(deviation)) - _LOW) / (_HIGH - _LOW), 0, 1)
-
-
-def _agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
-    seen = np.isfinite(frame.luminance)
-    frame = replace(frame, luminance=np.where(seen, frame.luminance, reference.luminance))
-    shown, own_shown = unclipped(frame) * seen, unclipped(reference)
-    weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
-    agrees = agreement_of(_deviation(reference, frame, weight.astype(np.float32)))
-    agrees = np.where((own_shown == 0) & (frame.luminance > _BRIGHT * reference.limit), 1, agrees)
-    return np.rint(255 * minimum_filter(shown * agrees, _FRINGE)).astype(np.uint8)
 
 
 def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
@@ -87,20 +128,20 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     contrast = np.maximum(np.minimum(power - light * light - own, power_shown - shown * shown - other), 0)
     even = np.square(_LIGHT * light)
     tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
-    found = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
+    largest = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
     rest = np.maximum(rest - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
-    np.maximum(found, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=found)
+    np.maximum(largest, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=largest)
     cap = DEVIATIONS * np.sqrt(noise + tolerated)
     mean, contrast = _means(weight, _WIDE, np.clip(apart, -cap, cap), contrast)
     scatter = DEVIATIONS**2 * _noise_left(_WIDE) * noise
-    np.maximum(found, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=found)
-    down, across = (np.asarray(each, np.float32) for each in np.gradient((r + f) / 2))
+    np.maximum(largest, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=largest)
+    down, across = (np.asarray(slope, np.float32) for slope in np.gradient((r + f) / 2))
     dd, da, aa, d, a = _means(weight, _SHIFTED, down * down, down * across, across * across, down * apart, across * apart)
     least = noise / 4 + TINY  # what noise makes of a gradient
-    dd, aa = (np.maximum(each - noise / 4, 0) + least for each in (dd, aa))
+    dd, aa = np.maximum(dd - noise / 4, 0) + least, np.maximum(aa - noise / 4, 0) + least
     explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(dd * aa - da * da, 1e-3 * dd * aa)
     scatter = DEVIATIONS**2 * _noise_left(_SHIFTED) * noise
-    return np.maximum(found, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
+    return np.maximum(largest, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
 
 
 def _means(weight: FloatArray, sigma: float, *planes: FloatArray) -> list[FloatArray]:
@@ -122,7 +163,7 @@ _SHARED = 0.15  # variance of the middle of that range, relative to one figure's
 _RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between (1.1)
 
 
-class BlockColours(NamedTuple):
+class _BlockColours(NamedTuple):
     """The readings of the whole blocks of a frame, float64, units of the reference.
 
     channels: times gamma, (C, rows, columns).
@@ -137,65 +178,56 @@ class BlockColours(NamedTuple):
     noise: DoubleArray
 
 
-def colour_change(known: BlockColours, frame: Frame, motion: Motion, mosaic: Mosaic) -> FloatArray:
-    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of the tolerance.
-
-    known: the colours of the reference. mosaic: the reference.
-    """
-    sites = Sites.in_frame(mosaic)
+def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatArray:
+    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of the tolerance."""
+    mosaic, sites = reference.shot, Sites.in_frame(reference.shot)
     first, period = np.array(sites.middle)[:, None, None], sites.grid.period
     rows, columns = first + period * np.indices(sites.shape)
-    places = motion.back(rows, columns, mosaic.shape)
-    at = (np.stack(places) - first) / period
+    at = (in_reference(motion, rows, columns, mosaic.shape) - first) / period
 
     def there(planes: DoubleArray) -> DoubleArray:
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
-    channels, light, rough, noise = known
-    shares = channels / np.maximum(light, TINY)
-    low, high = (np.stack([extreme(plane, 3) for plane in shares]) for extreme in (minimum_filter, maximum_filter))
-    middle_share, half = there((low + high) / 2), there((high - low) / 2)
-    half = np.maximum(half - _RANGE * there(np.sqrt(noise) / np.maximum(light, TINY)), 0)
-    seen, light, other, own = block_colours(frame, mosaic)
-    beyond = seen - np.clip(seen, (middle_share - half) * light, (middle_share + half) * light)
-    filled = np.square(FILL_ERROR * middle_share) * (other + there(rough[None]))
-    expected = there(noise)
-    spread = DEVIATIONS**2 * (own + expected)
-    alone = np.square(beyond) / (np.square(_BLOCK * light) + filled + spread + TINY)
-    cap = np.sqrt(2 * np.square(_NEARBY * light) + spread + TINY)
+    channels, light, rough, noise = reference.colours
+    shares, deviations = channels / np.maximum(light, TINY), np.sqrt(noise) / np.maximum(light, TINY)
+    low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
+    middle, half = there((low + high) / 2), np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
+    noise, rough = there(noise), there(rough[None])
+    own = _block_colours(frame, mosaic)
+    beyond = own.channels - np.clip(own.channels, (middle - half) * own.light, (middle + half) * own.light)
+    filled = np.square(FILL_ERROR * middle) * (own.contrast + rough)
+    spread = DEVIATIONS**2 * (own.noise + noise)
+    alone = np.square(beyond) / (np.square(_BLOCK * own.light) + filled + spread + TINY)
+    cap = np.sqrt(2 * np.square(_NEARBY * own.light) + spread + TINY)
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
-    spread = DEVIATIONS**2 * (left * own + _SHARED * expected)
-    around = np.square(mean) / (np.square(_NEARBY * light) + smoothed(filled, _WIDTH) + spread + TINY)
-    found = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
-    return maximum_filter(found, _RIM).astype(np.float32)
+    spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
+    around = np.square(mean) / (np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY)
+    largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
+    return maximum_filter(largest, _RIM).astype(np.float32)
 
 
-def on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice) -> FloatArray:
+def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice) -> FloatArray:
     """The largest deviation of the four blocks around each pixel in some rows of the reference, (rows, W)."""
     sites = Sites.in_frame(mosaic)
-    worst = np.pad(deviation, 1, mode="edge")
-    worst = np.maximum(np.maximum(worst[:-1, :-1], worst[1:, :-1]), np.maximum(worst[:-1, 1:], worst[1:, 1:]))
-    cells = [
-        np.floor((place - np.float32(first)) / sites.grid.period).astype(np.intp).clip(-1, size - 2) + 1
-        for place, first, size in zip(motion.places(rows, mosaic.shape), sites.middle, worst.shape, strict=True)
-    ]
-    return worst[cells[0], cells[1]]
+    worst = maximum_filter(np.pad(deviation, 1, mode="edge"), 2)[1:, 1:]
+    places = in_frame(motion, np.arange(rows.start, rows.stop)[:, None], np.arange(mosaic.shape[1]), mosaic.shape)
+    cells = np.floor((places - np.array(sites.middle, np.float32)[:, None, None]) / sites.grid.period).astype(np.intp) + 1
+    return worst[cells[0].clip(0, len(worst) - 1), cells[1].clip(0, worst.shape[1] - 1)]
 
 
-def block_colours(frame: Frame, mosaic: Mosaic) -> BlockColours:
+def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
     """The colours of the blocks of a frame, which is in units of the reference. mosaic: the reference."""
-    gamma = np.array(mosaic.calibration.gamma)
-    sites = Sites.in_frame(mosaic)
+    gamma, sites = np.array(mosaic.calibration.gamma), Sites.in_frame(mosaic)
     light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
     near = smoothed(frame.luminance, NEIGHBOURHOOD)
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
     light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)  # in less light shares are noise
     values = sites.means(frame.colours.astype(np.float64))
-    seen, noise = gamma * values, np.zeros_like(values)
+    channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
         own = frame.noise.variance(values, np.arange(len(gamma))) * gamma**2 / np.bincount(sites.channels)
-        filled = np.square(seen / np.maximum(light, TINY)[..., None]) / len(sites.channels)
+        filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(light)[..., None]
-    return BlockColours(np.moveaxis(seen, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))
+    return _BlockColours(np.moveaxis(channels, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))

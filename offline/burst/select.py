@@ -1,0 +1,334 @@
+"""Find the copies in a burst, choose its reference, and judge whether each frame fits it, and how far it agrees at each pixel."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shared.arrays import BoolArray, ByteArray, FloatArray
+from shared.calibration import NoiseModel
+from shared.mosaic import Mosaic
+from shared.motion import Motion
+from shared.progress import SILENT, Progress
+
+from ..cleaned import Cleaned
+from ..numerics.gaussian import gaussian, smoothed
+from ..render import restored
+from ..settings import RenderSettings
+from ..stages.defects import mend_defects
+from ..stages.highlights import clipping_level
+from ..stages.luminance import recover_luminance
+from ..stages.noise import NoiseSettings, estimate_noise
+from .agree import CLIPPED, Frame, Reference, agreement, unclipped
+from .align import TINY, Alignment, View, displaced, find_motion
+
+# Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
+_LEAST_AGREEMENT = 0.2  # share of the frame
+_LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
+_DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise do not show sharpness
+_UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
+_LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
+_GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise: beyond, a frame shows nothing
+# Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are compared.
+_FINE, _COARSE, _TILE = 0.8, 1.6, 32
+# Chosen: they decide between frames that would do.
+_CANDIDATES = 4  # frames that are tried as the reference
+_ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
+_BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
+_AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
+_QUIETER = 16.0  # how much less variance than the frames' median a model may state: 16 times the ISO, four stops, explains as much
+_ROUNDING = 1 / 12  # variance of rounding, codes squared: that of an even distribution
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The verdict on one frame.
+
+    reason: why it is not part of the picture; "" if it is.
+    copy_of: index of the frame that it is a copy of; None = of none.
+    motion: how it lies against the reference; None = unknown.
+    gain: how many times as bright it is as the reference.
+    error: estimated error of the motion, pixels.
+    agreement: share of the frame that agrees with the reference, 0 to 1.
+    sharpness: amplitude of its fine detail, relative to the reference's at the same places.
+    """
+
+    reason: str = ""
+    motion: Motion | None = None
+    gain: float = 1.0
+    error: float = 0.0
+    agreement: float = 1.0
+    sharpness: float = 1.0
+    copy_of: int | None = None
+
+    @property
+    def used(self) -> bool:
+        """Whether it is part of the picture."""
+        return not self.reason
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """A frame that is merged.
+
+    frame: in units of the reference. motion: how it lies against the reference.
+    agreement: with the reference at each pixel, 0 to 255, uint8 (H, W).
+    """
+
+    frame: Frame
+    motion: Motion
+    agreement: ByteArray
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The reference of a burst, and how the other frames compare with it.
+
+    reference: its index.
+    cleaned: its samples, defects mended and highlights restored; `lost` where no other frame has seen its light.
+    frames: what became of each frame, in the order given.
+    kept: the reference and the frames that are used.
+    """
+
+    reference: int
+    cleaned: Cleaned
+    frames: list[Judged]
+    kept: list[Kept]
+
+
+def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, int]:
+    """The index of each frame whose samples are those of another one, and that of the frame which stays: the first of them.
+
+    Their noise is the same, and does not fall when they are merged.
+
+    frames: of any cameras and sizes. reference: index of a frame that stays, whatever it is a copy of; None = of any.
+
+    >>> import numpy as np
+    >>> from offline.burst import copies
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed in (1, 2))
+    >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other, one.copy())])
+    {2: 0}
+    """
+    originals: dict[object, int] = {}
+    original_of = {}
+    for number in sorted(range(len(frames)), key=lambda index: index != reference):
+        samples = np.ascontiguousarray(frames[number].samples)
+        content = frames[number].pattern, samples.shape, samples.dtype.str, hashlib.sha256(samples.data).digest()
+        original_of[number] = originals.setdefault(content, number)
+    return {number: original for number, original in original_of.items() if original != number}
+
+
+def compared(
+    shots: Sequence[Mosaic], settings: RenderSettings, progress: Progress, reference: int | None, motions: Sequence[Motion] | None
+) -> Comparison:
+    """Compare all frames with the reference: the one that is named, or the best that most others agree with.
+
+    motions: where the reference's points lie in each frame, if that is known.
+    """
+    models = noise_models(shots, settings.noise)
+    frames = [frame_of(mended(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
+    tried = list[Comparison]()
+    for number in candidates_of(frames) if reference is None else [reference]:
+        progress.stage("aligning", len(frames))
+        # Samples are mended again: to keep those of all frames takes more memory than anything else here.
+        cleaned = restored(mended(shots[number], models[number], settings), settings, SILENT)
+        frame = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
+        tried.append(_with(Reference(shots[number], frame), number, cleaned, shots, frames, progress, motions))
+        if 2 * len(tried[-1].kept) > len(shots):
+            break
+    return max(tried, key=lambda comparison: len(comparison.kept))
+
+
+def _with(
+    reference: Reference,
+    number: int,
+    cleaned: Cleaned,
+    shots: Sequence[Mosaic],
+    frames: Sequence[Frame],
+    progress: Progress,
+    motions: Sequence[Motion] | None,
+) -> Comparison:
+    """Compare all frames with one of them."""
+    verdicts, others = list[Judged](), list[Kept]()
+    for index, (shot, frame) in enumerate(zip(shots, frames, strict=True)):
+        progress.advance()
+        known = motions[index] if motions else None
+        judged, kept = (Judged(motion=Motion()), None) if index == number else judge(reference, shot, frame, known)
+        verdicts.append(judged)
+        others += [kept] if kept else []
+    # The reference counts in full, but where it is clipped and another frame is not.
+    seen = np.zeros(shots[number].shape, np.uint8)
+    for other in others:
+        np.maximum(seen, other.agreement, out=seen)
+    own = (255 - np.rint((1 - unclipped(reference.frame)) * seen)).astype(np.uint8)
+    cleaned = replace(cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, own))
+    return Comparison(number, cleaned, verdicts, [Kept(reference.frame, Motion(), own), *others])
+
+
+def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | None) -> tuple[Judged, Kept | None]:
+    """Return the verdict on a frame, and what is merged of it; None = nothing. motion: against the reference; None = unknown."""
+    if reason := misfit(shot, reference.shot) or emptiness(frame):
+        return Judged(reason, motion), None
+    aligned = find_motion(reference.frame, frame) if motion is None else Alignment(motion)
+    if isinstance(aligned, str):
+        return Judged(aligned), None
+    frame = frame.darker(aligned.gain)
+    light, own = displaced(frame.luminance, aligned.motion), reference.frame
+    visible = np.isfinite(light) & (light < frame.limit) & (own.luminance < own.limit)
+    both = View(np.where(visible, light, own.luminance), frame.noise, frame.limit)
+    sharpness, uneven = _sharpness(own, both, visible), _unevenness(own, both, visible)
+    agrees = agreement(reference, frame, light, aligned.motion)
+    share = float(agrees.mean()) / 255
+    reason = ""
+    if sharpness < _LEAST_SHARPNESS:
+        detail = f"{100 * sharpness:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} %"
+        reason = f"is out of focus or shaken: {detail} must be there"
+    elif uneven > _UNEVEN:
+        reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
+    elif share < _LEAST_AGREEMENT:
+        reason = f"only {100 * share:.0f} % of it agrees with the reference"
+    verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
+    return verdict, None if reason else Kept(frame, aligned.motion, agrees)
+
+
+def misfit(frame: Mosaic, reference: Mosaic) -> str:
+    """Why two shots are not of one burst; "" if they may be. Codes may differ, as long as the scene units are the same."""
+    if frame.shape != reference.shape:
+        return "has {1} x {0} pixels, the reference {3} x {2}".format(*frame.shape, *reference.shape)
+    if frame.pattern != reference.pattern:
+        return "has another filter pattern than the reference"
+    own, other = frame.calibration, reference.calibration
+    if own.channels != other.channels or not np.allclose(own.gamma, other.gamma, rtol=1e-3):
+        return "was taken with another camera: its channels, or their weights (gamma), are not those of the reference"
+    return ""
+
+
+def emptiness(frame: Frame) -> str:
+    """Why a frame shows nothing; "" if it shows something."""
+    if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
+        return f"is overexposed: {100 * share:.0f} % of it is clipped"
+    if _level(frame) <= _DARK * _floor(frame):
+        return "is black: there is no light beyond noise"
+    return ""
+
+
+def candidates_of(frames: Sequence[Frame]) -> list[int]:
+    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of frames that tie, the first."""
+    sharpness = np.array([0.0 if emptiness(frame) else _detail_share(frame) for frame in frames])
+    usable = np.array([_usable(frame) for frame in frames])
+    sharp = sharpness >= _BLURRED * np.median(sharpness)
+    left, chosen = np.ones(len(frames), bool), list[int]()
+    while left.any() and len(chosen) < _CANDIDATES:
+        good = left & sharp if (left & sharp).any() else left
+        good = good & (usable >= usable[good].max() - _ALIKE)
+        good = good & (sharpness >= _AS_SHARP * sharpness[good].max())
+        chosen.append(int(np.argmax(good)))
+        left[chosen[-1]] = False
+    return chosen
+
+
+def _level(frame: View) -> float:
+    """Mean luminance."""
+    return float(frame.luminance.mean(dtype=np.float64))
+
+
+def _floor(frame: View) -> float:
+    """Standard deviation of the noise in black."""
+    return frame.noise.sigma(0.0) if frame.noise else 0.0
+
+
+def _usable(frame: View) -> float:
+    """Share of the pixels that are neither clipped nor lost in noise, 0 to 1."""
+    return float(((frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))).mean())
+
+
+def _detail_share(frame: View) -> float:
+    """Amplitude of fine detail beyond noise, relative to the light."""
+    power, variance = _detail(frame, np.ones(frame.luminance.shape, bool))
+    beyond = float(np.maximum(power - variance, 0).mean())
+    return beyond**0.5 / max(_level(frame), TINY)
+
+
+def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Power of fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is visible."""
+    fine = smoothed(view.luminance, _FINE) - smoothed(view.luminance, _COARSE)
+    whole, coarse = _tile_means(visible) == 1, gaussian(_COARSE).astype(np.float64)
+    taps = np.pad(gaussian(_FINE).astype(np.float64), (len(coarse) - len(gaussian(_FINE))) // 2)
+    of_noise = np.float32(np.square(np.outer(taps, taps) - np.outer(coarse, coarse)).sum())  # share of white noise that is left
+    return _tile_means(np.square(fine)) * whole, of_noise * _tile_means(view.variance(view.luminance)) * whole
+
+
+def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
+    """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
+    (own, own_noise), (other, other_noise) = (_detail(view, visible) for view in (reference, frame))
+    clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + TINY
+    if not clear.any():
+        return 1.0  # no tile shows it
+    weights = np.sqrt((own - own_noise)[clear])
+    ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear]) / weights
+    return float(np.quantile(ratio, 0.5, weights=weights, method="inverted_cdf"))
+
+
+def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
+    """How far the light of a quarter of the tiles differs from what the exposure explains, a share of it."""
+    share, own, other = (_tile_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance))
+    lit = (share > 0.5) & (own > _LIT * _floor(reference) * share) & (other > 0)
+    if not lit.any():
+        return 0.0
+    ratio = np.log(other[lit] / own[lit])
+    return float(np.expm1(np.quantile(np.abs(ratio - np.median(ratio)), 0.75)))
+
+
+def _tile_means(plane: FloatArray | BoolArray) -> FloatArray:
+    """Means of whole tiles of 32 x 32 pixels; of all of a plane that is smaller."""
+    size = min(_TILE, *plane.shape)
+    rows, columns = (count // size * size for count in plane.shape)
+    cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
+    return cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
+
+
+def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
+    """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is unknown in all of them.
+
+    A frame without a calibrated model has that of another frame. If none is calibrated, or all state no noise, frames of one
+    sensitivity (ISO) share one estimate. No model states so little noise that its frame would take all the weight, nor less than
+    rounding to codes makes.
+    """
+    known = [mosaic.calibration.noise for mosaic in mosaics]
+    if settings.estimate and None in known and not any(model and any(model.shot + model.read) for model in known):
+        speeds = [mosaic.metadata.iso for mosaic in mosaics]
+        alike = {iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso] for iso in speeds}
+        estimates = {iso: estimate_noise(*group) for iso, group in alike.items()}
+        known = [estimates[iso] for iso in speeds]
+    other = next((model for model in known if model), None)
+    if other is None:
+        return known
+    models = [model or other for model in known]
+    figures = np.array([(model.shot, np.square(model.read)) for model in models])  # (F, 2, planes)
+    if not figures.any():  # they state that there is none
+        return list(models)
+    figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
+    rounding = [_ROUNDING * np.square(mosaic.calibration.scale()) for mosaic in mosaics]
+    figures[:, 1] = np.maximum(figures[:, 1], rounding)
+    return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
+
+
+def mended(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
+    """A frame without shading and defects. noise: see `noise_models`.
+
+    Frames are compared without shading, because a thing must look the same in the middle and in a corner. So samples may be
+    saturated from the level on at which those at the brightest place of the frame are.
+    """
+    calibration, shading = mosaic.calibration, mosaic.calibration.shading
+    known = replace(mosaic, calibration=replace(calibration, noise=noise and noise.possible())).in_scene_units()
+    bare = replace(known, calibration=replace(known.calibration, shading=None))
+    limit = clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
+    return mend_defects(Cleaned(bare, limit, estimated=calibration.noise is None), settings.defects)
+
+
+def frame_of(cleaned: Cleaned, settings: RenderSettings) -> Frame:
+    """A frame as it is compared and merged."""
+    luminance = recover_luminance(cleaned.mosaic, settings.luminance)
+    return Frame(luminance, cleaned.noise, cleaned.clipping, colours=cleaned.sites.of(cleaned.signal))
