@@ -117,9 +117,10 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
 def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArray, Measured, ColourSamples]:
     """`MergedBurst.shares`, `measured` and `samples`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
-    plain, shares = merged_luminance(kept, sites)
+    fine, shares = merged_luminance(kept, sites)
+    plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, shares, cleaned.mosaic, settings)
-    samples = ColourSamples.of(kept, luminance, shares, sites)
+    samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain).where_others(luminance, shares)
     sums = samples.block_sums(sites) if len(kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
@@ -129,4 +130,4 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArra
         alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
     others = Others(sums, alone.astype(np.float32))
     measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
-    return shares, measured, samples.lit_by(measured.luminance)
+    return shares, measured, samples.relit(measured.luminance - luminance)

@@ -19,16 +19,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
+from scipy.sparse import csr_array
 
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import ByteArray, FloatArray, IndexArray
 from shared.progress import SILENT, Progress
 
 from ..blocks import BlockSums, Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..measured import Measured
-from ..numerics.arrays import Area, Bytes1, Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.arrays import Doubles1, Floats3, Frozen2, Ints1, Pair
+from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.functions import tile_at, zeros
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, Prior, link, solve, tiles_of
@@ -55,19 +56,6 @@ HALO = 24
 """Pixels around a tile that are solved with it. Chosen."""
 TOLERANCE = 1e-3
 """Relative residual at which conjugate gradients stop. Chosen: that of `AffinitySettings`."""
-_ZERO, _ONE, _DARK = np.float32(0), np.float32(1), np.float32(DARK)
-
-
-class Samples(NamedTuple):
-    """M colour samples for kernels, sorted by tile.
-
-    figures: (M, 5), row and column in the reference, value times gamma, luminance, precision. channels: (M,).
-    starts: (tiles + 1,), where those of each tile begin, tiles counted row by row.
-    """
-
-    figures: Floats2
-    channels: Bytes1
-    starts: Ints1
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,36 +80,39 @@ class ColourSamples:
     own: int
 
     @classmethod
-    def of(cls, kept: Sequence[Kept], luminance: FloatArray, shares: FloatArray, sites: Sites) -> "ColourSamples":
-        """The colour samples of all frames that lie in the reference, where it is not alone: there the picture stays that of one.
-
-        luminance: merged, (H, W). shares: (H, W), variance of its noise relative to the reference's. sites: of the reference.
-        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
-        """
-        parts = []
+    def of(cls, kept: Sequence[Kept], fine: FloatArray, sites: Sites) -> "ColourSamples":
+        """The colour samples of all frames that lie in the reference. fine: see `merged_luminance`. sites: of the reference."""
+        spline, parts = spline_filter(fine, mode="mirror", output=np.float32), []
         for one in kept:
             places, noise = in_reference(one.motion, *sites.pixels, sites.grid.frame), one.frame.noise
-            near = np.floor(places + np.float32(0.5)).astype(np.intp)
-            limits = np.array(luminance.shape)[:, None, None, None]
+            near, limits = np.rint(places).astype(np.intp), np.array(sites.grid.frame)[:, None, None, None]
             agrees = one.agreement[*near.clip(0, limits - 1)] * ((near >= 0) & (near < limits)).all(axis=0)
             used = agrees > 0
             channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
-            values = one.frame.colours[used]
+            values, places = one.frame.colours[used], places[:, used]
+            light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            parts.append((places[:, used].T, channels, values, variance, agrees[used] / np.float32(255)))
-        places, channels, values, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        samples = cls(places, channels, values, np.empty_like(values), variance, weight, len(parts[0][0])).lit_by(luminance)
+            parts.append((places.T, channels, values, light, variance, agrees[used] / np.float32(255)))
+        return cls(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), own=len(parts[0][0]))
+
+    def relit(self, change: FloatArray) -> "ColourSamples":
+        """The samples where luminance has changed. change: (H, W)."""
+        there = map_coordinates(change, self.places.T, order=1, mode="nearest")
+        return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+
+    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
+        """The samples where the reference is not alone. Where it is, the picture stays that of one frame.
+
+        luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
+        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
+        """
         mean, power = (smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance)))
         deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
-        deviation, alone = (map_coordinates(plane, places.T, order=1, mode="nearest") for plane in (deviation, shares))
-        error = samples.error + variance
-        weight = weight * error / (error + np.square(deviation))
-        weight[: samples.own] *= np.minimum(_ENOUGH * (1 - alone[: samples.own]), 1)
-        return replace(samples, weight=weight.astype(np.float32))
-
-    def lit_by(self, luminance: FloatArray) -> "ColourSamples":
-        """The samples in another luminance, (H, W), of the reference."""
-        return replace(self, light=map_coordinates(luminance, self.places.T, order=3, mode="mirror"))
+        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (deviation, shares))
+        error = self.error + self.variance
+        weight = self.weight * error / (error + np.square(there))
+        weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
+        return replace(self, weight=weight.astype(np.float32))
 
     @property
     def level(self) -> float:
@@ -149,18 +140,6 @@ class ColourSamples:
         place = np.ravel_multi_index((*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full)
         sums = (np.bincount(place, share * light * factor, minlength=math.prod(full)) for factor in (light, self.values[rest]))
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
-
-    def by_tile(self, shape: tuple[int, int], gamma: FloatArray) -> tuple[Samples, float]:
-        """The samples as `spread_samples` takes them, and their median precision, 0 to 1."""
-        across = -(-shape[1] // TILE)
-        tile = (self.places.clip(0, np.array(shape) - 1) // TILE).astype(np.intp) @ (across, 1)
-        order = np.argsort(tile, kind="stable")
-        starts = np.searchsorted(tile[order], np.arange(-(-shape[0] // TILE) * across + 1))
-        scale = gamma[self.channels]
-        precision = self.error / (self.error + self.variance * scale**2)
-        figures = np.column_stack([self.places, self.values * scale, self.light, self.weight * precision]).astype(np.float32)
-        typical = float(np.median(precision)) if len(precision) else 1.0
-        return Samples(figures[order], self.channels[order], starts), typical
 
 
 def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
@@ -196,7 +175,7 @@ class Spreading(RowStage):
     progress: Progress = SILENT
 
     name = "samples"
-    kernels = ("spread_samples",)
+    kernels = ("solve_tiles",)
 
     @property
     def look(self) -> Look:
@@ -204,19 +183,27 @@ class Spreading(RowStage):
         return Look(HALO, TILE)
 
     @cached_property
-    def _by_tile(self) -> tuple[Samples, float]:
-        return self.samples.by_tile(self.measured.shape, self.measured.gamma)
+    def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:
+        """The order of the samples by their rows, these rows, and the precision of each sample, at most 1."""
+        error, order = self.samples.error, np.argsort(self.samples.places[:, 0], kind="stable")
+        precision = error / (error + self.samples.variance * np.square(self.measured.gamma[self.samples.channels]))
+        return order, self.samples.places[order, 0], precision
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
-        gamma, (samples, precision), (height, width) = self.measured.gamma, self._by_tile, self.measured.shape
-        prior = _SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE * self.samples.level
-        shown, tiles = part.rows(*rows), tiles_of(rows, width)
-        picture = Picture(part.luminance, part.chromaticity, part.first, height, gamma, basis_of(len(gamma)), prior)
-        corrected = Corrected(np.empty_like(shown.chromaticity), np.empty(tiles), np.empty(tiles, np.intp))
-        spread_samples(picture, samples, rows, corrected)
-        report(self.progress, "samples", corrected.used, corrected.residuals, TOLERANCE)
-        return Part(shown.first, shown.luminance, corrected.chromaticity)
+        gamma, shown, (order, down, precision) = self.measured.gamma, part.rows(*rows), self._in_rows
+        near = order[np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")]
+        least = float(np.median(precision)) if precision.size else 1.0
+        prior = _SMOOTHNESS, max(_FADING * least, _LEAST_FADING), _EDGE * self.samples.level
+        basis, tiles = basis_of(len(gamma)), tiles_of(rows, part.luminance.shape[1])
+        equations = Equations(*normal_equations(part, self.samples, near, precision[near], gamma, basis), prior)
+        solution = Solution(
+            np.empty((*shown.luminance.shape, len(gamma) - 1), np.float32), np.empty(tiles), np.empty(tiles, np.intp)
+        )
+        solve_tiles(np.ascontiguousarray(part.luminance), equations, (rows[0] - part.first, rows[1] - part.first), solution)
+        report(self.progress, "samples", solution.used, solution.residuals, TOLERANCE)
+        light = np.where(shown.luminance > DARK, shown.luminance, np.inf).astype(np.float32)
+        return Part(shown.first, shown.luminance, shown.chromaticity + solution.planes @ basis.T / (gamma * light[..., None]))
 
 
 def basis_of(channels: int) -> FloatArray:
@@ -225,100 +212,81 @@ def basis_of(channels: int) -> FloatArray:
     return np.ascontiguousarray(square[:, 1:], np.float32)
 
 
-class Picture(NamedTuple):
-    """A part of a picture for kernels, which reaches `HALO` beyond the rows to correct.
+def normal_equations(
+    part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray, basis: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations and right-hand side of samples in a part of the picture, see `linked.solve`.
 
-    luminance, chromaticity: (rows, W) and (rows, W, C). first: the frame's row at luminance[0]. height: rows of the frame.
-    gamma: (C,), the weights of Eq. 7. basis: see `basis_of`.
+    near: (N,), which samples. precision: (N,), of each.
+    Each sample is shared out to the four pixels around it, by bilinear interpolation.
+    """
+    rows, columns = part.luminance.shape
+    places = (samples.places[near] - (part.first, 0)).clip(0, (rows - 1, columns - 1))
+    first = np.minimum(places.astype(np.intp), (rows - 2, columns - 2))
+    (down, across), corner = (places - first).T, first @ (columns, 1)
+    shares = np.stack([(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1)
+    pixels = corner[:, None] + (0, 1, columns, columns + 1)
+    spread = csr_array((shares.ravel(), pixels.ravel(), np.arange(0, shares.size + 1, 4)), (len(near), rows * columns))
+    channels = samples.channels[near]
+    colour = (spread @ part.chromaticity.reshape(rows * columns, -1))[np.arange(len(near)), channels]
+    missed = gamma[channels] * (samples.values[near] - colour * samples.light[near])
+    weights, first_of, second_of = samples.weight[near] * precision, *np.triu_indices(basis.shape[1])
+    towards = basis[channels]
+    normal = spread.T @ (weights[:, None] * towards[:, first_of] * towards[:, second_of])
+    right = spread.T @ ((weights * missed)[:, None] * towards)
+    shaped = (np.ascontiguousarray(sums.T, np.float32).reshape(-1, rows, columns) for sums in (normal, right))
+    return next(shaped), next(shaped)
+
+
+class Equations(NamedTuple):
+    """Normal equations of samples for kernels, see `linked.solve`.
+
+    normal: (P (P + 1) / 2, rows, W). right: (P, rows, W).
     prior: smoothness and fading relative to the precision of a sample, and the difference of luminance, scene units, that is an
         edge.
     """
 
-    luminance: Floats2
-    chromaticity: Floats3
-    first: int
-    height: int
-    gamma: Floats1
-    basis: Floats2
+    normal: Floats3
+    right: Floats3
     prior: Prior
 
 
-class Corrected(NamedTuple):
-    """Corrected rows of a picture.
+class Solution(NamedTuple):
+    """A solution in tiles.
 
-    chromaticity: (rows, W, C). residuals, used: (tiles,), relative residual and iterations of each tile, see `tiles_of`.
+    planes: (rows, W, P). residuals, used: (tiles,), relative residual and iterations of each tile, see `tiles_of`.
     """
 
-    chromaticity: Floats3
+    planes: Floats3
     residuals: Doubles1
     used: Ints1
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def spread_samples(pieces: Pieces, picture: Picture, samples: Samples, rows: Pair, corrected: Corrected) -> None:
-    """Correct the chromaticity of some rows of the frame.
+def solve_tiles(pieces: Pieces, luminance: Frozen2, equations: Equations, rows: Pair, solution: Solution) -> None:
+    """Solve the tiles of some rows, each with `HALO` pixels around it.
 
-    rows: first and end row to correct; the first is a multiple of `TILE`, and so is the end, or it is the frame's.
-    corrected: written.
+    luminance: (rows, W), a part of the picture. rows: first and end row in it to solve. solution: written.
     """
-    width, basis = picture.luminance.shape[1], picture.basis
-    channels, parts = basis.shape
+    height, width = luminance.shape
+    parts = len(equations.right)
     for number in range(pieces[0], pieces[1]):
         top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
-        top, bottom = rows[0] + top, rows[0] + bottom
-        area = max(top - HALO, 0), min(bottom + HALO, picture.height), max(left - HALO, 0), min(right + HALO, width)
-        size = area[1] - area[0], area[3] - area[2]
-        light = picture.luminance[area[0] - picture.first : area[1] - picture.first, area[2] : area[3]]
-        colour = picture.chromaticity[area[0] - picture.first : area[1] - picture.first, area[2] : area[3]]
-        unknowns, right_side = zeros(parts, *size), zeros(parts, *size)
-        normal, links = zeros(parts * channels // 2, *size), zeros(4, *size)
-        down, across = (picture.height + TILE - 1) // TILE, (width + TILE - 1) // TILE
-        for row in range(max(top // TILE - 1, 0), min(top // TILE + 2, down)):
-            first, last = max(left // TILE - 1, 0), min(left // TILE + 1, across - 1)
-            taken = samples.starts[row * across + first], samples.starts[row * across + last + 1]
-            _gather(light, colour, area, taken, samples, picture, normal, right_side)
-        link(light, picture.prior, links)
-        residual, used = solve(normal, right_side, links, np.float32(picture.prior[1]), TOLERANCE, unknowns)
-        corrected.residuals[number], corrected.used[number] = residual, used
+        first, before = max(rows[0] + top - HALO, 0), max(left - HALO, 0)
+        size = min(rows[0] + bottom + HALO, height) - first, min(right + HALO, width) - before
+        area = luminance[first : first + size[0], before : before + size[1]]
+        normal, links = zeros(len(equations.normal), *size), zeros(4, *size)
+        right_side, unknowns = zeros(parts, *size), zeros(parts, *size)
+        for row in range(size[0]):
+            for column in range(size[1]):
+                for part in range(parts):
+                    right_side[part, row, column] = equations.right[part, first + row, before + column]
+                for part in range(len(equations.normal)):
+                    normal[part, row, column] = equations.normal[part, first + row, before + column]
+        link(area, equations.prior, links)
+        fading = np.float32(equations.prior[1])
+        solution.residuals[number], solution.used[number] = solve(normal, right_side, links, fading, TOLERANCE, unknowns)
         for row in range(top, bottom):
             for column in range(left, right):
-                y, x = row - area[0], column - area[2]
-                lit = light[y, x] > _DARK
-                for channel in range(channels):
-                    step = _ZERO
-                    for part in range(parts):
-                        step += basis[channel, part] * unknowns[part, y, x]
-                    change = step / (picture.gamma[channel] * light[y, x]) if lit else _ZERO
-                    corrected.chromaticity[row - rows[0], column, channel] = colour[y, x, channel] + change
-
-
-@kernel
-def _gather(
-    light: Floats2, colour: Floats3, area: Area, taken: Pair, samples: Samples, picture: Picture, normal: Floats3, right: Floats3
-) -> None:
-    """Add some samples to the normal equations of an area, each shared out to the four pixels around it. taken: first and end."""
-    basis = picture.basis
-    for sample in range(taken[0], taken[1]):
-        y, x = samples.figures[sample, 0] - np.float32(area[0]), samples.figures[sample, 1] - np.float32(area[2])
-        if not (_ZERO <= y <= light.shape[0] - 1 and _ZERO <= x <= light.shape[1] - 1):
-            continue
-        above, before = min(int(y), light.shape[0] - 2), min(int(x), light.shape[1] - 2)
-        lower, after = y - np.float32(above), x - np.float32(before)
-        channel, missed = samples.channels[sample], _ZERO
-        for corner in range(4):
-            missed += _share(corner, lower, after) * colour[above + corner // 2, before + corner % 2, channel]
-        missed = samples.figures[sample, 2] - picture.gamma[channel] * missed * samples.figures[sample, 3]
-        for corner in range(4):
-            share = _share(corner, lower, after) * samples.figures[sample, 4]
-            i, j, place = above + corner // 2, before + corner % 2, 0
-            for part in range(basis.shape[1]):
-                right[part, i, j] += share * basis[channel, part] * missed
-                for other in range(part, basis.shape[1]):
-                    normal[place, i, j] += share * basis[channel, part] * basis[channel, other]
-                    place += 1
-
-
-@kernel
-def _share(corner: int, down: Scalar, along: Scalar) -> Scalar:
-    """The share of one of the four pixels around a place in bilinear interpolation."""
-    return (down if corner // 2 else _ONE - down) * (along if corner % 2 else _ONE - along)
+                for part in range(parts):
+                    solution.planes[row, column, part] = unknowns[part, rows[0] + row - first, column - before]

@@ -58,9 +58,10 @@ class Frames(NamedTuple):
 
 
 def merged_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
-    """Luminance of the reference from all frames, and the variance of its noise relative to the reference's; (H, W) each.
+    """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its `shares`.
 
     kept: the reference first. sites: of the reference.
+    shares: (H, W), variance of the noise of luminance, relative to the reference's.
     """
     shape = sites.grid.frame
     frames = Frames(
@@ -70,7 +71,7 @@ def merged_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Fl
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
-    luminance, shares = np.empty((2, *shape), np.float32)
+    luminance, shares = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32), np.empty(shape, np.float32)
     merge(frames, luminance, shares)
     return luminance, shares
 
@@ -102,7 +103,7 @@ def denoised(luminance: FloatArray, shares: FloatArray, samples: Mosaic, setting
 
 @parallel_kernel(pieces=lambda frames, *_: tiles(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
 def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -> None:
-    """Merge the frames of a burst. luminance, shares: (H, W), written, see `merged_luminance`."""
+    """Merge the frames of a burst. luminance, shares: written, see `merged_luminance`."""
     _, height, width = frames.planes.shape
     for tile in range(pieces[0], pieces[1]):
         core = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
@@ -110,9 +111,9 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
         extents = np.empty((len(frames.planes), 4), np.intp)
         fine = _start(frames, area, core, shares, extents)
         _sharpen(fine, samples_in(frames, area, extents), frames.noise[0, 0] + frames.noise[0, 1] > 0)
-        for y in range(core[0], core[1]):
-            for x in range(core[2], core[3]):
-                luminance[y, x] = fine[2 * (y - area[0]), 2 * (x - area[2])]
+        for y in range(2 * core[0], min(2 * core[1], len(luminance))):
+            for x in range(2 * core[2], min(2 * core[3], luminance.shape[1])):
+                luminance[y, x] = fine[y - 2 * area[0], x - 2 * area[2]]
 
 
 @kernel
