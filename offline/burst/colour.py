@@ -85,15 +85,17 @@ class ColourSamples:
         spline, parts = spline_filter(fine, mode="mirror", output=np.float32), []
         for one in kept:
             places, noise = in_reference(one.motion, *sites.pixels, sites.grid.frame), one.frame.noise
-            near, limits = np.rint(places).astype(np.intp), np.array(sites.grid.frame)[:, None, None, None]
-            agrees = one.agreement[*near.clip(0, limits - 1)] * ((near >= 0) & (near < limits)).all(axis=0)
+            inside = ((places >= 0) & (places.T <= np.array(sites.grid.frame) - 1).T).all(axis=0)
+            agrees = np.zeros(inside.shape, np.uint8)
+            agrees[inside] = one.agreement[*np.rint(places[:, inside]).astype(np.intp)]
             used = agrees > 0
             channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
             parts.append((places.T, channels, values, light, variance, agrees[used] / np.float32(255)))
-        return cls(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), own=len(parts[0][0]))
+        places, channels, values, light, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return cls(places, channels, values, light, variance, weight, len(parts[0][0]))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed. change: (H, W)."""
@@ -180,7 +182,7 @@ class Spreading(RowStage):
     @property
     def look(self) -> Look:
         """A tile and what surrounds it."""
-        return Look(HALO, TILE)
+        return Look(HALO + 1, TILE)  # a sample beside the halo shows in its last row
 
     @cached_property
     def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:
@@ -196,11 +198,12 @@ class Spreading(RowStage):
         least = float(np.median(precision)) if precision.size else 1.0
         prior = _SMOOTHNESS, max(_FADING * least, _LEAST_FADING), _EDGE * self.samples.level
         basis, tiles = basis_of(len(gamma)), tiles_of(rows, part.luminance.shape[1])
-        equations = Equations(*normal_equations(part, self.samples, near, precision[near], gamma, basis), prior)
+        equations = normal_equations(part, self.samples, near, precision[near], gamma, basis)
         solution = Solution(
             np.empty((*shown.luminance.shape, len(gamma) - 1), np.float32), np.empty(tiles), np.empty(tiles, np.intp)
         )
-        solve_tiles(np.ascontiguousarray(part.luminance), equations, (rows[0] - part.first, rows[1] - part.first), solution)
+        inside = rows[0] - part.first, rows[1] - part.first
+        solve_tiles(np.ascontiguousarray(part.luminance), *equations, prior, inside, solution)
         report(self.progress, "samples", solution.used, solution.residuals, TOLERANCE)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf).astype(np.float32)
         return Part(shown.first, shown.luminance, shown.chromaticity + solution.planes @ basis.T / (gamma * light[..., None]))
@@ -238,19 +241,6 @@ def normal_equations(
     return next(shaped), next(shaped)
 
 
-class Equations(NamedTuple):
-    """Normal equations of samples for kernels, see `linked.solve`.
-
-    normal: (P (P + 1) / 2, rows, W). right: (P, rows, W).
-    prior: smoothness and fading relative to the precision of a sample, and the difference of luminance, scene units, that is an
-        edge.
-    """
-
-    normal: Floats3
-    right: Floats3
-    prior: Prior
-
-
 class Solution(NamedTuple):
     """A solution in tiles.
 
@@ -263,30 +253,27 @@ class Solution(NamedTuple):
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def solve_tiles(pieces: Pieces, luminance: Frozen2, equations: Equations, rows: Pair, solution: Solution) -> None:
+def solve_tiles(
+    pieces: Pieces, luminance: Frozen2, normal: Floats3, right: Floats3, prior: Prior, rows: Pair, solution: Solution
+) -> None:
     """Solve the tiles of some rows, each with `HALO` pixels around it.
 
     luminance: (rows, W), a part of the picture. rows: first and end row in it to solve. solution: written.
+    normal, right: (P (P + 1) / 2, rows, W) and (P, rows, W), equations of samples, see `linked.solve`.
+    prior: smoothness and fading relative to the precision of a sample, and the difference of luminance, scene units, that is an
+        edge.
     """
     height, width = luminance.shape
-    parts = len(equations.right)
     for number in range(pieces[0], pieces[1]):
-        top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
-        first, before = max(rows[0] + top - HALO, 0), max(left - HALO, 0)
-        size = min(rows[0] + bottom + HALO, height) - first, min(right + HALO, width) - before
-        area = luminance[first : first + size[0], before : before + size[1]]
-        normal, links = zeros(len(equations.normal), *size), zeros(4, *size)
-        right_side, unknowns = zeros(parts, *size), zeros(parts, *size)
-        for row in range(size[0]):
-            for column in range(size[1]):
-                for part in range(parts):
-                    right_side[part, row, column] = equations.right[part, first + row, before + column]
-                for part in range(len(equations.normal)):
-                    normal[part, row, column] = equations.normal[part, first + row, before + column]
-        link(area, equations.prior, links)
-        fading = np.float32(equations.prior[1])
-        solution.residuals[number], solution.used[number] = solve(normal, right_side, links, fading, TOLERANCE, unknowns)
+        top, bottom, left, end = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
+        above, before = max(rows[0] + top - HALO, 0), max(left - HALO, 0)
+        below, after = min(rows[0] + bottom + HALO, height), min(end + HALO, width)
+        links, unknowns = zeros(4, below - above, after - before), zeros(len(right), below - above, after - before)
+        link(luminance[above:below, before:after], prior, links)
+        around, towards = normal[:, above:below, before:after].copy(), right[:, above:below, before:after].copy()
+        residual, used = solve(around, towards, links, np.float32(prior[1]), TOLERANCE, unknowns)
+        solution.residuals[number], solution.used[number] = residual, used
         for row in range(top, bottom):
-            for column in range(left, right):
-                for part in range(parts):
-                    solution.planes[row, column, part] = unknowns[part, rows[0] + row - first, column - before]
+            for column in range(left, end):
+                for part in range(len(right)):
+                    solution.planes[row, column, part] = unknowns[part, rows[0] + row - above, column - before]
