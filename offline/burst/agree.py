@@ -212,8 +212,8 @@ def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slic
     sites = Sites.in_frame(mosaic)
     worst = maximum_filter(np.pad(deviation, 1, mode="edge"), 2)[1:, 1:]
     places = in_frame(motion, np.arange(rows.start, rows.stop)[:, None], np.arange(mosaic.shape[1]), mosaic.shape)
-    cells = np.floor((places - np.array(sites.middle, np.float32)[:, None, None]) / sites.grid.period).astype(np.intp) + 1
-    return worst[cells[0].clip(0, len(worst) - 1), cells[1].clip(0, worst.shape[1] - 1)]
+    at = (places - np.array(sites.middle, np.float32)[:, None, None]) / sites.grid.period + np.float32(0.5)
+    return map_coordinates(worst, at, order=0, mode="nearest")
 
 
 def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:

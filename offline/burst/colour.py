@@ -31,11 +31,9 @@ from ..measured import Measured
 from ..numerics.arrays import Doubles1, Floats3, Frozen2, Ints1, Pair
 from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.functions import tile_at, zeros
-from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, Prior, link, solve, tiles_of
 from ..numerics.solvers import report
 from ..parts import DARK, Look, Part, RowStage
-from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY, in_reference
 from .select import Kept
 
@@ -48,10 +46,6 @@ _SMOOTHNESS, _FADING = 0.15, 0.01  # half and twice: 0.8 and 0.1 dB
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
 # With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
 _LEAST_FADING = 1e-7
-SHARED = 0.3
-"""Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is.
-
-Chosen: half of it costs 0.5 dB, twice gains 0.02."""
 HALO = 24
 """Pixels around a tile that are solved with it. Chosen."""
 TOLERANCE = 1e-3
@@ -67,7 +61,7 @@ class ColourSamples:
     values: (M,), scene units of the reference.
     light: (M,), luminance there.
     variance: (M,), of their noise; 0 where there is none.
-    weight: (M,), how far they count by the agreement of their frames and by what is known of luminance there, 0 to 1.
+    weight: (M,), agreement of their frames with the reference there, 0 to 1; less where the reference is alone.
     own: how many of them, the first ones, are the reference's.
     """
 
@@ -80,20 +74,27 @@ class ColourSamples:
     own: int
 
     @classmethod
-    def of(cls, kept: Sequence[Kept], fine: FloatArray, sites: Sites) -> "ColourSamples":
-        """The colour samples of all frames that lie in the reference. fine: see `merged_luminance`. sites: of the reference."""
-        spline, parts = spline_filter(fine, mode="mirror", output=np.float32), []
+    def of(cls, kept: Sequence[Kept], fine: FloatArray, shares: FloatArray, sites: Sites) -> "ColourSamples":
+        """The colour samples of all frames that lie in the reference.
+
+        kept: the reference first. fine, shares: see `merged_luminance`. sites: of the reference.
+        Where the reference is alone, its own samples do not count: the picture stays that of one frame.
+        """
+        spline, last = spline_filter(fine, mode="mirror", output=np.float32), np.array(sites.grid.frame)[:, None, None, None] - 1
+        parts = []
         for one in kept:
             places, noise = in_reference(one.motion, *sites.pixels, sites.grid.frame), one.frame.noise
-            inside = ((places >= 0) & (places.T <= np.array(sites.grid.frame) - 1).T).all(axis=0)
-            agrees = np.zeros(inside.shape, np.uint8)
-            agrees[inside] = one.agreement[*np.rint(places[:, inside]).astype(np.intp)]
+            near = np.rint(places).astype(np.intp).clip(0, last)
+            agrees = one.agreement[*near] * ((places >= 0) & (places <= last)).all(axis=0)
             used = agrees > 0
-            channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
+            channels = np.broadcast_to(sites.channels, used.shape)[used]
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            parts.append((places.T, channels, values, light, variance, agrees[used] / np.float32(255)))
+            weight = agrees[used] / np.float32(255)
+            if not parts:
+                weight *= np.minimum(_ENOUGH * (1 - shares[*near[:, used]]), 1)
+            parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
         places, channels, values, light, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return cls(places, channels, values, light, variance, weight, len(parts[0][0]))
 
@@ -101,20 +102,6 @@ class ColourSamples:
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
-
-    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
-        """The samples where the reference is not alone. Where it is, the picture stays that of one frame.
-
-        luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
-        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
-        """
-        mean, power = (smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance)))
-        deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
-        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (deviation, shares))
-        error = self.error + self.variance
-        weight = self.weight * error / (error + np.square(there))
-        weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
-        return replace(self, weight=weight.astype(np.float32))
 
     @property
     def level(self) -> float:
@@ -158,11 +145,6 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
         share = product / np.where(known, power, 1)
         signal[place] = np.where(known, share * luminance[place], signal[place])
     return frame.with_samples(signal)
-
-
-def alone_of(shares: FloatArray) -> FloatArray:
-    """How far the reference is alone, 0 to 1, by the variance of merged luminance relative to its own."""
-    return np.maximum(shares - SHARED, 0) / (1 - SHARED)
 
 
 @dataclass(eq=False)
