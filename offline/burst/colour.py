@@ -81,7 +81,7 @@ class ColourSamples:
         Where the reference is alone, its own samples do not count: the picture stays that of one frame.
         """
         spline, last = spline_filter(fine, mode="mirror", output=np.float32), np.array(sites.grid.frame)[:, None, None, None] - 1
-        parts = []
+        parts = list[tuple[FloatArray, ...]]()
         for one in kept:
             places, noise = in_reference(one.motion, *sites.pixels, sites.grid.frame), one.frame.noise
             near = np.rint(places).astype(np.intp).clip(0, last)

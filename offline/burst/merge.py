@@ -44,8 +44,7 @@ class Frames(NamedTuple):
 
     planes: (F, H, W), luminance of each frame, filled in at the colour sites, in units of the reference.
     agreement: (F, H, W), with the reference at each pixel of the reference, 0 to 255.
-    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise. A plane whose variance is 0 while the
-        reference's is not counts as much as a million references.
+    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise.
     panchromatic: (H, W), whether a pixel is.
     motions: where the reference's points lie in each frame.
     """
@@ -110,7 +109,7 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
         area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
         extents = np.empty((len(frames.planes), 4), np.intp)
         fine = _start(frames, area, core, shares, extents)
-        _sharpen(fine, samples_in(frames, area, extents), frames.noise[0, 0] + frames.noise[0, 1] > 0)
+        _sharpen(fine, samples_in(frames, area, extents))
         for y in range(2 * core[0], min(2 * core[1], len(luminance))):
             for x in range(2 * core[2], min(2 * core[3], luminance.shape[1])):
                 luminance[y, x] = fine[y - 2 * area[0], x - 2 * area[2]]
@@ -137,7 +136,7 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 top, bottom, left, right = min(top, to_y), max(bottom, to_y), min(left, to_x), max(right, to_x)
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
-                precision = _precision(frames.noise, frame, max(frames.planes[0, y, x], _ZERO))
+                precision = _precision(frames.noise, frame, frames.planes[0, y, x])
                 share = (
                     (_FILLED + frames.panchromatic[min(int(to_y + 0.5), height - 1), min(int(to_x + 0.5), width - 1)])
                     * agrees
@@ -164,13 +163,16 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
 
 
 @kernel
+def _variance(noise: Doubles2, frame: int, light: Scalar) -> float:
+    """Variance of the noise of a frame's panchromatic samples, more than 0."""
+    variance: float = max(noise[frame, 0] * max(light, _ZERO) + noise[frame, 1], _LEAST)
+    return variance
+
+
+@kernel
 def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
-    reference = noise[0, 0] * light + noise[0, 1]
-    if not reference > 0:
-        return 1.0
-    precision: float = min(max(reference / (noise[frame, 0] * light + noise[frame, 1]), 1 / _MOST), _MOST)
-    return precision
+    return min(max(_variance(noise, 0, light) / _variance(noise, frame, light), 1 / _MOST), _MOST)
 
 
 @kernel
@@ -192,16 +194,16 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
                 agrees = frames.agreement[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
                 if agrees == 0:
                     continue
-                value, light = frames.planes[frame, row, column], max(frames.planes[frame, row, column], _ZERO)
+                value = frames.planes[frame, row, column]
                 samples[number, 0], samples[number, 1], samples[number, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value
-                samples[number, 3] = agrees / 255.0 * _precision(frames.noise, frame, light)
-                samples[number, 4] = frames.noise[frame, 0] * light + frames.noise[frame, 1]
+                samples[number, 3] = agrees / 255.0 * _precision(frames.noise, frame, value)
+                samples[number, 4] = _variance(frames.noise, frame, value)
                 number += 1
     return samples[:number]
 
 
 @kernel
-def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
+def _sharpen(fine: Floats2, samples: Floats2) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
@@ -209,8 +211,7 @@ def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
     smooth_rows(count, _NARROW, 0, rows, near)
-    if noisy:
-        smooth_rows(count, _WIDE, 0, rows, wide)
+    smooth_rows(count, _WIDE, 0, rows, wide)
     for _ in range(_ITERATIONS):
         for row in range(rows):
             for column in range(columns):
@@ -219,14 +220,12 @@ def _sharpen(fine: Floats2, samples: Floats2, noisy: bool) -> None:
             y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
             missed = samples[sample, 2] - interpolated(fine, y, x)
             _splat(error, y, x, weight * missed)
-            if noisy:
-                _splat(power, y, x, weight * missed * missed / max(samples[sample, 4], _LEAST))
+            _splat(power, y, x, weight * missed * missed / samples[sample, 4])
         smooth_rows(error, _NARROW, 0, rows, missed_near)
-        if noisy:
-            smooth_rows(power, _WIDE, 0, rows, missed_wide)
+        smooth_rows(power, _WIDE, 0, rows, missed_wide)
         for row in range(rows):
             for column in range(columns):
-                gain = max(_ZERO, _ONE - wide[row, column] / max(missed_wide[row, column], _LEAST)) if noisy else _ONE
+                gain = max(_ZERO, _ONE - wide[row, column] / max(missed_wide[row, column], _LEAST))
                 fine[row, column] += gain * missed_near[row, column] / (near[row, column] + _SPARSE)
 
 

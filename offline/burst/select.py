@@ -129,42 +129,30 @@ def compared(
     """
     models = noise_models(shots, settings.noise)
     frames = [frame_of(mended(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
+    known = motions or [None for _ in shots]
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
         progress.stage("aligning", len(frames))
         # Samples are mended again: to keep those of all frames takes more memory than anything else here.
         cleaned = restored(mended(shots[number], models[number], settings), settings, SILENT)
-        frame = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
-        tried.append(_with(Reference(shots[number], frame), number, cleaned, shots, frames, progress, motions))
+        base = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
+        compared_with, verdicts, kept = Reference(shots[number], base), list[Judged](), list[Kept]()
+        for index, (shot, frame, motion) in enumerate(zip(shots, frames, known, strict=True)):
+            progress.advance()
+            own = Judged(motion=Motion()), None
+            judged, merged = own if index == number else judge(compared_with, shot, frame, motion)
+            verdicts.append(judged)
+            kept += [merged] if merged else []
+        # The reference counts in full, but where it is clipped and another frame is not.
+        seen = np.zeros(base.luminance.shape, np.uint8)
+        for other in kept:
+            np.maximum(seen, other.agreement, out=seen)
+        agrees = (255 - np.rint((1 - unclipped(base)) * seen)).astype(np.uint8)
+        cleaned = replace(cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, agrees))
+        tried.append(Comparison(number, cleaned, verdicts, [Kept(base, Motion(), agrees), *kept]))
         if 2 * len(tried[-1].kept) > len(shots):
             break
     return max(tried, key=lambda comparison: len(comparison.kept))
-
-
-def _with(
-    reference: Reference,
-    number: int,
-    cleaned: Cleaned,
-    shots: Sequence[Mosaic],
-    frames: Sequence[Frame],
-    progress: Progress,
-    motions: Sequence[Motion] | None,
-) -> Comparison:
-    """Compare all frames with one of them."""
-    verdicts, others = list[Judged](), list[Kept]()
-    for index, (shot, frame) in enumerate(zip(shots, frames, strict=True)):
-        progress.advance()
-        known = motions[index] if motions else None
-        judged, kept = (Judged(motion=Motion()), None) if index == number else judge(reference, shot, frame, known)
-        verdicts.append(judged)
-        others += [kept] if kept else []
-    # The reference counts in full, but where it is clipped and another frame is not.
-    seen = np.zeros(shots[number].shape, np.uint8)
-    for other in others:
-        np.maximum(seen, other.agreement, out=seen)
-    own = (255 - np.rint((1 - unclipped(reference.frame)) * seen)).astype(np.uint8)
-    cleaned = replace(cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, own))
-    return Comparison(number, cleaned, verdicts, [Kept(reference.frame, Motion(), own), *others])
 
 
 def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | None) -> tuple[Judged, Kept | None]:
@@ -216,8 +204,12 @@ def emptiness(frame: Frame) -> str:
 
 def candidates_of(frames: Sequence[Frame]) -> list[int]:
     """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of frames that tie, the first."""
-    sharpness = np.array([0.0 if emptiness(frame) else _detail_share(frame) for frame in frames])
-    usable = np.array([_usable(frame) for frame in frames])
+    usable, sharpness = np.zeros((2, len(frames)))
+    for number, frame in enumerate(frames):
+        usable[number] = ((frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))).mean()
+        power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
+        amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
+        sharpness[number] = 0 if emptiness(frame) else amplitude
     sharp = sharpness >= _BLURRED * np.median(sharpness)
     left, chosen = np.ones(len(frames), bool), list[int]()
     while left.any() and len(chosen) < _CANDIDATES:
@@ -237,18 +229,6 @@ def _level(frame: View) -> float:
 def _floor(frame: View) -> float:
     """Standard deviation of the noise in black."""
     return frame.noise.sigma(0.0) if frame.noise else 0.0
-
-
-def _usable(frame: View) -> float:
-    """Share of the pixels that are neither clipped nor lost in noise, 0 to 1."""
-    return float(((frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))).mean())
-
-
-def _detail_share(frame: View) -> float:
-    """Amplitude of fine detail beyond noise, relative to the light."""
-    power, variance = _detail(frame, np.ones(frame.luminance.shape, bool))
-    beyond = float(np.maximum(power - variance, 0).mean())
-    return beyond**0.5 / max(_level(frame), TINY)
 
 
 def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:

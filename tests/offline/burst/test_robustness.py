@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from offline import BEST, render
-from offline.burst import MergedBurst, merge_burst, render_burst_bands, selection
+from offline.burst import MergedBurst, merge_burst, render_burst_bands, select
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.camera.sensor import simulate_additive
@@ -79,8 +79,7 @@ def test_what_moves_is_as_in_a_single_render(kind: str, sigma: float, monkeypatc
     def every(*_: object) -> FloatArray:
         return np.full(_SHAPE, 255, np.uint8)
 
-    monkeypatch.setattr(selection, "agreement", every)
-    monkeypatch.setattr(selection, "colour_change", lambda known, *_: np.zeros(known.light.shape, np.float32))
+    monkeypatch.setattr(select, "agreement", every)
     ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
     assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
 

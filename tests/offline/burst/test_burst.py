@@ -9,16 +9,13 @@ import pytest
 from offline import BEST, PAPER, SolverLog, render
 from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
-from offline.burst.colour import relit_sites
-from offline.burst.render import MergedLuminance, denoised, merged_luminance
-from offline.burst.selection import compared
-from offline.burst.spreading import TOLERANCE
+from offline.burst.colour import TOLERANCE, relit_sites
+from offline.burst.merge import denoised
 from offline.cleaned import Cleaned
 from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
-from shared.progress import SILENT
 from tools.camera.sensor import simulate_additive
 
 from .scenes import SHAPE, light
@@ -214,20 +211,13 @@ def test_luminance_is_denoised_by_what_merging_has_left_and_where_one_frame_is_a
     noisy = frame.signal.copy()
     shares = np.full(frame.shape, 0.25, np.float32)
     shares[:, :100] = 1.0
-    merged = MergedLuminance(noisy, shares, np.zeros(0, np.float32), np.zeros(0, np.float32), None)
-    found, half = denoised(merged, frame, BEST), NoiseModel.gaussian(0.01, 4)
+    found, half = denoised(noisy, shares, frame, BEST), NoiseModel.gaussian(0.01, 4)
     expected = (
         denoise_luminance(noisy, each, BEST.denoising)
         for each in (frame, replace(frame, calibration=replace(frame.calibration, noise=half)))
     )
     for side, picture in zip((np.s_[:, :100], np.s_[:, 100:]), expected, strict=True):
         assert np.abs(found[side] - picture[side]).max() < 1e-6
-
-
-def test_merging_leaves_the_frames_as_they_are() -> None:
-    found = compared(shots(0.01, MOTIONS[:2]), STAGES, SILENT, 0, None)
-    first, second = (merged_luminance(found.kept, found.cleaned) for _ in range(2))
-    assert np.array_equal(first.luminance, second.luminance)
 
 
 def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:

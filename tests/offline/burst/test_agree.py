@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from offline.burst import View
-from offline.burst import agreement as module
-from offline.burst.agreement import agreement
+from offline.burst import agree as module
+from offline.burst.agree import agreement_of_luminance
 from shared import NoiseModel
 from shared.arrays import DoubleArray
 
@@ -24,7 +24,7 @@ def agrees(reference: DoubleArray, frame: DoubleArray, sigma: float) -> float:
     """The mean agreement where the thing is, 0 to 1."""
     random, noise = np.random.default_rng(0), NoiseModel.gaussian(sigma, 4) if sigma else None
     first, second = (View((plane + random.normal(0, sigma, SHAPE)).astype(np.float32), noise) for plane in (reference, frame))
-    return float(agreement(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean()) / 255
+    return float(agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean()) / 255
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
@@ -53,12 +53,12 @@ def test_what_has_changed_does_not(sign: str, monkeypatch: pytest.MonkeyPatch) -
 
 def test_strips_leave_no_trace() -> None:
     first, second, weight = np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
-    whole, lower = agreement(View(first), View(second), weight), agreement(View(first[256:]), View(second[256:]), weight[256:])
+    whole, lower = agreement_of_luminance(View(first), View(second), weight), agreement_of_luminance(View(first[256:]), View(second[256:]), weight[256:])
     assert np.array_equal(lower[40:], whole[296:])
 
 
 def test_light_beyond_the_limit_of_the_reference_agrees_and_clipped_light_of_a_frame_does_not() -> None:
     dim, bright = np.full(SHAPE, 1.0, np.float32), np.full(SHAPE, 2.0, np.float32)
     weight = np.ones(SHAPE, np.float32)
-    assert (agreement(View(dim, limit=1.0), View(bright), weight) == 255).all()
-    assert not agreement(View(bright), View(bright, limit=2.0), weight).any()
+    assert (agreement_of_luminance(View(dim, limit=1.0), View(bright), weight) == 255).all()
+    assert not agreement_of_luminance(View(bright), View(bright, limit=2.0), weight).any()
