@@ -40,7 +40,7 @@ from .select import Kept
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
 _INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both ways
-_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
+_ENOUGH = 2.0  # times what others take off the variance, squared: how far samples count where the reference is nearly alone
 _ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
 _SMOOTHNESS, _FADING = 0.15, 0.01  # half and twice: 0.8 and 0.1 dB
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
@@ -91,9 +91,7 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            weight = agrees[used] / np.float32(255)
-            if not parts:
-                weight *= np.minimum(_ENOUGH * (1 - shares[*near[:, used]]), 1)
+            weight = agrees[used] / np.float32(255) * np.square(np.minimum(_ENOUGH * (1 - shares[*near[:, used]]), 1))
             parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
         places, channels, values, light, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return cls(places, channels, values, light, variance, weight, len(parts[0][0]))

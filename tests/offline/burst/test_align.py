@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from offline.burst import Alignment, Motion, View, align
-from offline.burst import align as module
 from offline.settings import BEST
 from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, SensorCalibration
@@ -56,7 +55,7 @@ def test_frames_of_any_size(shape: tuple[int, int]) -> None:
 
 
 def test_large_frames_are_compared_at_half_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_LARGEST", 10_000)
+    monkeypatch.setattr("offline.burst.align._LARGEST", 10_000)
     shape = (211, 304)
     assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 3 * BETWEEN
 
