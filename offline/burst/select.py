@@ -129,7 +129,7 @@ def compared(
     """
     models = noise_models(shots, settings.noise)
     frames = [frame_of(mended(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
-    known = motions or [None for _ in shots]
+    known: Sequence[Motion | None] = motions or [None] * len(shots)
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
         progress.stage("aligning", len(frames))
