@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from device.capture import Sensor
-from device.capture.checks.frame_check import checked
+from device.capture.frame_check import checked
 from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
