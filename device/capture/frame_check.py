@@ -288,8 +288,10 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
         ours, alike = clear & (position == number)[:, None], []
         if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE * (1 << bits):
             continue
-        for down, right in ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0)):  # stripes of one width do not hide that neighbours are alike
-            first, second = np.s_[:, : -down or None, : -right or None], np.s_[:, down:, right:]
+        for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):  # stripes of one width do not hide that neighbours are alike
+            first, second = (
+                (slice(None), *(slice(max(by, 0), min(by, 0) or None) for by in way)) for way in (np.negative(step), step)
+            )
             masks = ours[first] & clear[second], clear[first] & ours[second]
             pairs = ((tiles.parts[first][mask], tiles.parts[second][mask]) for mask in masks if mask.sum() >= _PAIRS)
             alike += [float(np.corrcoef(*pair)[0, 1]) for pair in pairs]
