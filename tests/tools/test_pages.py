@@ -16,9 +16,6 @@ from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
-from tools.evaluation.design.judge import Figures as Expected
-from tools.evaluation.design.page import page as design_page
-from tools.evaluation.design.proposals import Proposal
 from tools.evaluation.figures import Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import choose
@@ -74,16 +71,6 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     return build_page(Figures(study, dict.fromkeys(study.cells(), measures)), exhibits(study, text), text, [text])
 
 
-def of_design(folder: Path, text: str) -> bytes:
-    """The page of a search for a tile."""
-    figures = (Expected(*range(40, 40 + len(Expected._fields))),)
-    tiles = [
-        Proposal(("RWW", "WGW", "WWB"), text, 2.0, 40.0, figures, figures),
-        Proposal(("RW", "WB"), text, 2.5, 39.0, figures, figures),
-    ]
-    return design_page(tiles, tiles, [text], 1, exhibits(study_of(folder), text), [text], text)
-
-
 def of_burst(folder: Path, text: str) -> bytes:
     """The report on a burst of which a frame is left out."""
     mosaic = frame(np.full((60, 60, 3), 0.5))
@@ -102,7 +89,7 @@ def of_calibration(_: Path, text: str) -> bytes:
 
 
 Maker = Callable[[Path, str], bytes]
-MAKERS = (of_evaluation, of_design, of_burst, of_calibration)
+MAKERS = (of_evaluation, of_burst, of_calibration)
 
 
 @pytest.mark.parametrize("make", MAKERS)

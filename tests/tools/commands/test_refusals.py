@@ -14,7 +14,6 @@ from shared import Camera, CfaPattern, SensorCalibration
 from tests.tools.command import contents, run
 
 FRAMES = "--width 128 --height 96 --pixel-format raw12"
-SHORT = "--sizes 3 --steps 3"
 
 # Misspelt arguments: the likely word, after one line of usage.
 MISSPELT = {
@@ -137,14 +136,6 @@ USAGE = {
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
         "--show x --methods bilinear": "--show: ",
     },
-    f"design -o out {SHORT}": {
-        "--sigma 0.01 --photons 100": "--sigma and --photons",
-        "--worst 0 --whole 0": "nothing matters",
-        "--channels RRG": "--channels is 'RRG'",
-        "--sizes 99": "--sizes holds 99",
-        "--channels RB --photographs builtin:60x60": "no render fills in",
-        "--photons 0": "--photons is 0",
-    },
     "demo": {
         "--sigma -1": "--sigma is -1.0",
         "--sigma nan": "--sigma is nan",
@@ -178,7 +169,6 @@ PATTERNS = {
 # Every kind of value.
 VALUES = {
     ("simulate builtin:24x18 -o out", "light"): (("1/0", "1/", "/4", "bright", ""), "a number, or a fraction such as 1/4"),
-    (f"design -o out {SHORT}", "read-noise"): (("-1", "nan", "inf", "x", ""), "a number from 0 on"),
     ("render shot.dng -o out", "threads"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
     ("simulate builtin:24x18 -o out", "seed"): (("-1", "1.5"), "a whole number from 0 on"),
     ("burst frames -o out", "shifts"): (("1", "1,2,3", "1,x", ""), "2 numbers with commas between them, such as 2,-0.5"),
