@@ -61,7 +61,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
-    assert len(after) == len(kept) + 6 + 2  # of the drawn strokes
+    assert len(after) == len(kept) + 6
     assert (out / "evaluation.html").read_text() == page
 
 

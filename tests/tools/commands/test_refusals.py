@@ -134,7 +134,6 @@ USAGE = {
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--max-memory 1M": "no scene could be read",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
-        "--show x --methods bilinear": "--show: ",
     },
     "demo": {
         "--sigma -1": "--sigma is -1.0",

@@ -131,7 +131,7 @@ def test_figures_fall_with_the_light() -> None:
         found = panchroma.evaluate(picture, shot)
         assert found == panchroma.evaluate(picture.rgb, shot.truth) == panchroma.evaluate(picture, shot.truth.rgb)
         assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
-        ours.append((found.median, found.ssim, found.psnr))
+        ours.append((found.median, found.psnr))
     assert ours[0] > ours[1] > ours[2]
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth.white == light
@@ -259,7 +259,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
-        (lambda: panchroma.evaluate(GREY[:40], GREY[:40]), "at least 41 pixels"),
+        (lambda: panchroma.evaluate(GREY[:39], GREY[:39]), "at least 40 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
