@@ -32,7 +32,6 @@ VERBS = {
     "render": "make the full-quality pictures of shots",
     "burst": "merge a series of one scene into one picture, with less noise and more colour",
     "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
-    "export-preview": "write the graph that makes a camera's previews",
     "doctor": "check the installation, and say how to repair it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }

@@ -140,14 +140,13 @@ USAGE = {
         "--sigma nan": "--sigma is nan",
         "--burst 1": "--burst is 1, expected 2 frames or more",
     },
-    "export-preview": {
-        "-o g.txt": "g.txt: a graph has a name that ends in .onnx; write g.onnx",
-        "-o g.onnx --scale 4": "has 1, 2, 3, 6",
-        "-o g.onnx --period 2": "the period is 2, expected 3 to 16",
-        "-o g.onnx --like shot.dng --period 6": "leave --pattern and --period out",
-        "-o g.onnx --like gone.dng": "gone.dng: there is no such file",
-        "-o missing/g.onnx": "the folder missing does not exist",
-        "-o mine.onnx": "mine.onnx: exists already; use --overwrite",
+    "preview shot.dng": {
+        "": "-o is missing: the folder for the previews",
+        "--export g.txt": "g.txt: a graph has a name that ends in .onnx; write g.onnx",
+        "--export g.onnx --scale 4": "has 1, 2, 3, 6",
+        "shot.dng --export g.onnx": "--export writes the graph for the pattern of one shot, and 2 are named",
+        "--export missing/g.onnx": "the folder missing does not exist",
+        "--export mine.onnx": "mine.onnx: exists already; use --overwrite",
     },
     "calibrate": {
         "-o new.json": "nothing to calibrate from",
@@ -186,7 +185,6 @@ INTO += ["view builtin:9x9@9 -o out", "demo -o out", "identify shot.dng -o out",
 USAGE |= {command.removesuffix(" out"): NO_FOLDER for command in INTO}
 for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -o out", "view builtin:64x48@9"):
     USAGE[with_pattern] |= PATTERNS
-USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}
 
 # Every command that takes shots.
 NO_SHOTS = {
