@@ -146,7 +146,9 @@ def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
 
 
 def _open_regular(path: str, flags: int) -> int:
-    stranger = OSError(errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it")
+    stranger = OSError(
+        errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it"
+    )
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
