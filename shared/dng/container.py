@@ -11,8 +11,7 @@ from ..arrays import ByteArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
-from .exif import metadata_directory, resolution_fields
-from .exif_reading import printable
+from .exif import metadata_directory, printable, resolution_fields
 from .lossless_jpeg import encode_lossless
 from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, MAKER, PREVIEW_SRGB, Compression, Photometric, Tag
 

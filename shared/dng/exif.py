@@ -1,7 +1,22 @@
-"""Convert capture metadata to TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them."""
+"""Capture metadata as TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them.
 
+Other programs write and edit these fields, and what they hold goes into every result. So texts that are read lose control
+characters and length, and an invalid field counts as missing; it is never an error.
+"""
+
+import html
+import math
+import re
+import unicodedata
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from typing import IO, Any
+
+from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
+from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
 from .tags import MAKER, GpsTag, Tag
 
 LARGEST_SHORT = 65535
@@ -19,6 +34,18 @@ TEXTS = {
 }
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
 NUMBERS = {"exposure_time": Tag.EXPOSURE_TIME, "f_number": Tag.F_NUMBER, "focal_length": Tag.FOCAL_LENGTH}
+_TIME = "%Y:%m:%d %H:%M:%S"
+_LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
+_CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
+_JOINERS = "\u200c\u200d"  # the only format characters that names need
+_XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
+
+WANTED = frozenset(
+    {*TEXTS.values(), *NUMBERS.values(), *GpsTag, Tag.LENS_MODEL, Tag.ORIENTATION, Tag.ISO_SPEED_RATINGS, Tag.ISO_SPEED}
+    | {Tag.DATE_TIME, Tag.DATE_TIME_ORIGINAL, Tag.SUB_SEC_TIME, Tag.SUB_SEC_TIME_ORIGINAL, Tag.OFFSET_TIME}
+    | {Tag.OFFSET_TIME_ORIGINAL, Tag.XMP, Tag.UNIQUE_CAMERA_MODEL}
+)
+"""The tags that `metadata_from` looks at."""
 
 
 def metadata_directory(metadata: CaptureMetadata) -> Directory:
@@ -77,3 +104,107 @@ def resolution_fields() -> Fields:
         Tag.Y_RESOLUTION: (FieldType.RATIONAL, [72]),
         Tag.RESOLUTION_UNIT: (FieldType.SHORT, [_INCH]),
     }
+
+
+def read_metadata(file: IO[bytes]) -> CaptureMetadata:
+    """The capture metadata in a TIFF structure; nothing is known of any other file."""
+    return metadata_from(read_directories(file, WANTED))
+
+
+def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
+    """Return the capture metadata in the fields of a file; read with `WANTED` or more."""
+    # TIFF/EP, and so DNG, has Exif's fields in the first directory too.
+    main, exif = stored.main, stored.main | stored.exif
+    iso = _number(exif, Tag.ISO_SPEED_RATINGS)
+    if iso == LARGEST_SHORT:
+        iso = _number(exif, Tag.ISO_SPEED) or iso
+    taken = _time(exif, Tag.DATE_TIME_ORIGINAL, Tag.SUB_SEC_TIME_ORIGINAL)
+    values: dict[str, Any] = {
+        **{name: text(main, tag) for name, tag in TEXTS.items()},
+        **{name: _number(exif, tag) for name, tag in NUMBERS.items()},
+        "lens": text(exif, Tag.LENS_MODEL),
+        "taken": taken or _time(exif, Tag.DATE_TIME, Tag.SUB_SEC_TIME),
+        "zone": text(exif, Tag.OFFSET_TIME_ORIGINAL) or text(exif, Tag.OFFSET_TIME),
+        "place": _place(stored.gps),
+        "altitude": _altitude(stored.gps),
+        "iso": None if iso is None else round(iso),
+        "orientation": int(_number(main, Tag.ORIENTATION) or 1),
+    }
+    if text(main, Tag.UNIQUE_CAMERA_MODEL).startswith(MAKER):
+        # In a DNG of ours the camera is ours, unless somebody has edited it. The source is in the XMP: see `main_directory`.
+        ours = (name for name in ("make", "model") if values[name].startswith(MAKER))
+        values |= {name: _xmp_text(main, name.capitalize()) for name in ours}
+    metadata = CaptureMetadata()
+    for name, value in values.items():
+        with suppress(InputError):
+            metadata = replace(metadata, **{name: value})
+    return metadata
+
+
+def text(fields: StoredFields, tag: int) -> str:
+    """Return the printable text of a field of bytes; "" if it has none. Longer texts are cut off at 4096 bytes of UTF-8."""
+    data = fields.get(tag, StoredField(0)).data
+    if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
+        data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
+    # A NUL parts the photographer from the editor in Copyright, and ends every text.
+    parts = (printable(_decoded(part)) for part in data.split(b"\0"))
+    return "; ".join(filter(None, parts)).encode()[:_LONGEST].decode(errors="ignore")
+
+
+def printable(value: str) -> str:
+    """Return the text without what does harm on a terminal or in XML: control, format and private characters, lone surrogates."""
+    kinds = ((letter, unicodedata.category(letter)) for letter in value)
+    kept = (" " if kind in ("Cc", "Zl", "Zp") else letter if letter in _JOINERS or kind[0] != "C" else "" for letter, kind in kinds)
+    return "".join(kept).strip()
+
+
+def _decoded(data: bytes) -> str:
+    """Decode a text: Exif prescribes ASCII; programs write UTF-8, and old ones what Windows had."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
+def _number(fields: StoredFields, tag: int) -> float | None:
+    """Return the first number of a field if it is positive and finite."""
+    number, *_ = fields.get(tag, StoredField(0)).numbers or (math.nan,)
+    return number if math.isfinite(number) and number > 0 else None
+
+
+def _time(fields: StoredFields, tag: int, decimals: int) -> datetime | None:
+    """Return date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is not one."""
+    try:
+        taken = datetime.strptime(text(fields, tag)[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
+    except ValueError:
+        return None
+    digits = text(fields, decimals)
+    return taken.replace(microsecond=int(f"{digits:0<6}"[:6])) if digits.isdecimal() and digits.isascii() else taken
+
+
+def _xmp_text(fields: StoredFields, name: str) -> str:
+    match = re.search(_XMP_TEXT % name.encode(), fields.get(Tag.XMP, StoredField(0)).data)
+    stated = b"".join(filter(None, match.groups())) if match else b""
+    return printable(html.unescape(stated.decode(errors="replace")))[:_LONGEST]
+
+
+def _place(gps: StoredFields) -> tuple[float, float] | None:
+    """Return latitude and longitude in degrees; None unless both are whole, for half a position is a wrong one."""
+    angles = []
+    for tag, letters in ((GpsTag.LATITUDE, "NS"), (GpsTag.LONGITUDE, "EW")):
+        reference, field = text(gps, tag - 1), gps.get(tag)
+        if field is None or field.kind != FieldType.RATIONAL or len(field.numbers) != 3 or reference not in tuple(letters):
+            return None
+        degrees, *parts = field.numbers
+        minutes, seconds = (0 if math.isnan(part) else part for part in parts)  # some write 0/0 for what they do not state
+        angle = round(degrees + minutes / 60 + seconds / 3600, 8)  # to a millimetre
+        angles.append(-angle if reference == letters[1] else angle)
+    return angles[0], angles[1]
+
+
+def _altitude(gps: StoredFields) -> float | None:
+    """Return the metres above the sea; None unless it is clear whether they are above or below."""
+    field, below = gps.get(GpsTag.ALTITUDE), gps.get(GpsTag.ALTITUDE_REF, StoredField(0, b"\0")).data
+    if field is None or field.kind != FieldType.RATIONAL or below not in (b"\0", b"\1"):
+        return None
+    return -field.numbers[0] if below == b"\1" else field.numbers[0]

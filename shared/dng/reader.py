@@ -19,7 +19,7 @@ from ..errors import InputError, PanchromaError
 from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
 from ..tiff_check import PLAIN, check_directories
-from .exif_reading import read_metadata
+from .exif import read_metadata
 from .tags import Compression, Photometric, Tag
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.

@@ -19,7 +19,7 @@ from shared import CaptureMetadata
 from shared.arrays import CodeArray, DoubleArray, FloatArray
 from shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from shared.dng import metadata_from
-from shared.dng.exif_reading import WANTED, printable
+from shared.dng.exif import WANTED, printable
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS, between

@@ -11,8 +11,7 @@ from PIL import Image
 
 from shared import CaptureMetadata
 from shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
-from shared.dng.exif import TEXTS
-from shared.dng.exif_reading import text
+from shared.dng.exif import TEXTS, text
 from shared.dng.tags import GpsTag, Tag
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from shared.tiff_reading import read_directories
@@ -198,7 +197,7 @@ def test_what_hostile_files_hold_fits_a_jpeg() -> None:
 def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
     data = encode_dng(mosaic(), preview())
     fields = read_directories(BytesIO(data), {Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL}).main
-    named = [text(fields[tag]) for tag in (Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL)]
+    named = [text(fields, tag) for tag in (Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL)]
     assert named == ["Panchroma", *["Panchroma Pr?fling 7"] * 2]
     odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd

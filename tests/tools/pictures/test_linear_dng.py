@@ -13,7 +13,7 @@ from tifffile import TiffFile, TiffPage
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.dng import codec, decode_dng, decode_preview, read_metadata
-from shared.dng.exif_reading import text
+from shared.dng.exif import text
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.tiff import FieldType
@@ -134,7 +134,7 @@ def test_a_rendered_picture_is_no_mosaic() -> None:
 def test_the_source_is_known_and_the_camera_ours() -> None:
     rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     assert read_metadata(BytesIO(rendered)) == METADATA
-    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main[Tag.MODEL]) == "Panchroma render"
+    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main, Tag.MODEL) == "Panchroma render"
 
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
