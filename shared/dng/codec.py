@@ -18,14 +18,14 @@ from .colour_tags import colour_fields, has_colours
 from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
-from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, TAG, Photometric
 
 Layout = Literal["auto", "cfa", "linear"]
 
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
-_WRITER = (Tag.UNIQUE_CAMERA_MODEL, Tag.MAKE, Tag.SOFTWARE)  # any of them names us in a file of ours
+_WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])  # any of them names us in a file of ours
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
 
@@ -54,8 +54,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
         main.fields.update(colour_fields(*known))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, record_id(record).encode()
+    main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, record_id(record).encode()
     return encode_tiff(main)
 
 
@@ -73,7 +73,7 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
 
 
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
-    stored = dng.stored(Tag.DNG_PRIVATE_DATA)
+    stored = dng.stored(TAG["DNGPrivateData"])
     if not is_record(stored):
         raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
     record = decode_record(stored)
@@ -83,7 +83,7 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     if samples.shape != record.shape:
         rows, columns = record.shape
         raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
-    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
+    if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
         raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
     _check_identity(dng, record.id)
     return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
@@ -97,13 +97,13 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     InputError for any other file and a damaged one.
     """
     with opened(data) as dng:
-        recorded = is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
+        recorded = is_record(dng.stored(TAG["DNGPrivateData"]))
         if not (recorded or any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER)):
             raise ForeignFileError("not a DNG of Panchroma: it has no digest that could be checked")
         if not recorded and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
             _check_digest(dng, samples)
-            _check_identity(dng, picture_id(samples.shape, dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)))
+            _check_identity(dng, picture_id(samples.shape, dng.stored(TAG["NewRawImageDigest"])))
         elif not recorded:
             raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
         else:
@@ -118,7 +118,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
 
 def _check_identity(dng: DngReader, identity: str) -> None:
     """Raise InputError if the file states another identity."""
-    if dng.stored(Tag.RAW_DATA_UNIQUE_ID) != identity.encode():
+    if dng.stored(TAG["RawDataUniqueID"]) != identity.encode():
         raise damaged("its parts are not all from the same file (RawDataUniqueID)")
 
 
@@ -134,7 +134,7 @@ def _check_preview(jpeg: bytes, pixels: int) -> None:
 
 
 def _check_digest(dng: DngReader, samples: CodeArray) -> None:
-    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST) != raw_digest(samples):
+    if dng.stored(TAG["NewRawImageDigest"]) != raw_digest(samples):
         raise damaged("the samples differ from those that were written (NewRawImageDigest)")
 
 
@@ -163,10 +163,10 @@ def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
 def _cfa(pattern: CfaPattern) -> Fields:
     tile = "".join(pattern.letters_from())  # from the first sample on: DNG knows no origin
     return {
-        Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [pattern.period] * 2),
-        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
-        Tag.CFA_PLANE_COLOR: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
-        Tag.CFA_LAYOUT: (FieldType.SHORT, [_RECTANGULAR]),
+        TAG["CFARepeatPatternDim"]: (FieldType.SHORT, [pattern.period] * 2),
+        TAG["CFAPattern"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
+        TAG["CFAPlaneColor"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
+        TAG["CFALayout"]: (FieldType.SHORT, [_RECTANGULAR]),
     }
 
 
@@ -189,12 +189,12 @@ def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
         levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
     whole = not (levels % 1).any()
     return {
-        Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, list(levels.shape)),
-        Tag.BLACK_LEVEL: (
+        TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, list(levels.shape)),
+        TAG["BlackLevel"]: (
             FieldType.SHORT if whole else FieldType.RATIONAL,
             levels.astype(int if whole else float).ravel().tolist(),
         ),
-        Tag.WHITE_LEVEL: (FieldType.SHORT, [calibration.white_level]),
+        TAG["WhiteLevel"]: (FieldType.SHORT, [calibration.white_level]),
     }
 
 
@@ -209,4 +209,4 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     ]
     if photometric is Photometric.LINEAR_RAW:
         planes = planes[-1:]  # the file has one plane, nearly all of it panchromatic
-    return {Tag.NOISE_PROFILE: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}
+    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}

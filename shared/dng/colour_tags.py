@@ -10,13 +10,13 @@ from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
 from ..errors import InputError
 from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
-from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, Light, Tag
+from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
 
 _MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
 """What a filter reads, from red, green and blue: the nominal one, and all that DNG has codes for."""
 _TAGS = (
-    (Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1, Tag.ILLUMINANT_DATA_1),
-    (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2, Tag.ILLUMINANT_DATA_2),
+    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"], TAG["IlluminantData1"]),
+    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"], TAG["IlluminantData2"]),
 )
 _PARTS = 1_000_000  # denominator of chromaticities
 
@@ -69,21 +69,21 @@ def colour_fields(
     to_camera, seen = _planes(to_camera, panchromatic), _planes(np.asarray(seen), panchromatic)
     from_d65 = adaptation(xyz(*D65_XY))
     fields: Fields = {
-        Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
-        Tag.COLOR_MATRIX_2: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
-        Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [Light.D50]),
-        Tag.CALIBRATION_ILLUMINANT_2: (FieldType.SHORT, [Light.D65]),
+        TAG["ColorMatrix1"]: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
+        TAG["ColorMatrix2"]: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
+        TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
+        TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
-        Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, _to_one(seen, seen).clip(1e-6).tolist()),
+        TAG["AsShotNeutral"]: (FieldType.RATIONAL, _to_one(seen, seen).clip(1e-6).tolist()),
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
-        known = light.illuminant in Light.__members__
+        known = light.illuminant in LIGHTS
         fields[color_matrix] = FieldType.SRATIONAL, to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist()
-        fields[illuminant] = FieldType.SHORT, [Light[light.illuminant] if known else Light.OTHER]
+        fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
         if not known:
             x, y = (round(each * _PARTS) for each in light.white)
             fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _PARTS, y, _PARTS)
-            fields[Tag.DNG_VERSION] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
+            fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
     return fields
 
 

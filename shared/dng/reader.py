@@ -20,7 +20,7 @@ from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
 from ..tiff_check import PLAIN, check_directories
 from .exif import read_metadata
-from .tags import Compression, Photometric, Tag
+from .tags import TAG, Compression, Photometric
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -101,8 +101,8 @@ class DngReader:
             case Photometric.LINEAR_RAW:
                 return None
             case Photometric.CFA:
-                rows, columns = page.tags.valueof(Tag.CFA_REPEAT_PATTERN_DIM)
-                codes = self._stored(page, Tag.CFA_PATTERN)
+                rows, columns = page.tags.valueof(TAG["CFARepeatPatternDim"])
+                codes = self._stored(page, TAG["CFAPattern"])
                 if len(codes) != rows * columns:
                     raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
                 return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))

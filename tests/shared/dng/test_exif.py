@@ -12,7 +12,7 @@ from PIL import Image
 from shared import CaptureMetadata
 from shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
 from shared.dng.exif import TEXTS, text
-from shared.dng.tags import GpsTag, Tag
+from shared.dng.tags import GPS, TAG
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from shared.tiff_reading import read_directories
 from tests.shared.dng.examples import METADATA, mosaic, preview
@@ -62,22 +62,22 @@ def test_the_block_is_what_picture_files_hold() -> None:
     file = BytesIO()
     Image.new("RGB", (8, 8)).save(file, "JPEG", exif=b"Exif\0\0" + exif_block(METADATA))
     exif = Image.open(file).getexif()
-    detail = exif.get_ifd(Tag.EXIF_IFD)
-    assert detail[Tag.DATE_TIME_ORIGINAL] == "2014:03:09 07:05:01"
-    assert exif[Tag.MAKE] == METADATA.make
-    assert exif[Tag.ORIENTATION] == 6
-    assert exif[Tag.DATE_TIME] == "2014:03:09 07:05:01"
-    assert detail[Tag.OFFSET_TIME_ORIGINAL] == "+05:30"
-    assert exif.get_ifd(Tag.GPS_IFD)[GpsTag.LATITUDE] == (33, 51, pytest.approx(25.34, abs=1e-4))
-    assert detail[Tag.SUB_SEC_TIME_ORIGINAL] == "0203"
-    assert detail[Tag.ISO_SPEED_RATINGS] == 640
-    exposure: Any = detail[Tag.EXPOSURE_TIME]
+    detail = exif.get_ifd(TAG["ExifTag"])
+    assert detail[TAG["DateTimeOriginal"]] == "2014:03:09 07:05:01"
+    assert exif[TAG["Make"]] == METADATA.make
+    assert exif[TAG["Orientation"]] == 6
+    assert exif[TAG["DateTime"]] == "2014:03:09 07:05:01"
+    assert detail[TAG["OffsetTimeOriginal"]] == "+05:30"
+    assert exif.get_ifd(TAG["GPSTag"])[GPS["GPSLatitude"]] == (33, 51, pytest.approx(25.34, abs=1e-4))
+    assert detail[TAG["SubsecTimeOriginal"]] == "0203"
+    assert detail[TAG["ISOSpeedRatings"]] == 640
+    exposure: Any = detail[TAG["ExposureTime"]]
     assert (exposure.numerator, exposure.denominator) == (1, 250)  # the fraction that people know
 
 
 def stored(main: Fields, exif: Fields | None = None, gps: Fields | None = None) -> bytes:
     """A TIFF structure with these fields."""
-    below: dict[int, Directory] = {Tag.EXIF_IFD: Directory(exif or {}), Tag.GPS_IFD: Directory(gps or {})}
+    below: dict[int, Directory] = {TAG["ExifTag"]: Directory(exif or {}), TAG["GPSTag"]: Directory(gps or {})}
     return encode_tiff(Directory(main, (), below))
 
 
@@ -88,27 +88,27 @@ def read(main: Fields, exif: Fields | None = None, gps: Fields | None = None) ->
 @pytest.mark.parametrize(
     "exif",
     [
-        {Tag.EXPOSURE_TIME: (RATIONAL, struct.pack("<2I", 1, 0))},
-        {Tag.EXPOSURE_TIME: (ASCII, "soon"), Tag.F_NUMBER: (RATIONAL, b""), Tag.ISO_SPEED_RATINGS: (SHORT, [0])},
-        {Tag.F_NUMBER: (FieldType.SRATIONAL, [-2.8]), Tag.FOCAL_LENGTH: (FieldType.DOUBLE, [math.inf])},
-        {Tag.LENS_MODEL: (SHORT, [35]), Tag.DATE_TIME_ORIGINAL: (ASCII, "yesterday"), Tag.SUB_SEC_TIME_ORIGINAL: (SHORT, [7])},
-        {Tag.DATE_TIME_ORIGINAL: (ASCII, "0000:00:00 00:00:00"), Tag.FOCAL_LENGTH: (FieldType.DOUBLE, [2.0**40])},
-        {Tag.OFFSET_TIME_ORIGINAL: (ASCII, "local"), Tag.OFFSET_TIME: (SHORT, [1])},
+        {TAG["ExposureTime"]: (RATIONAL, struct.pack("<2I", 1, 0))},
+        {TAG["ExposureTime"]: (ASCII, "soon"), TAG["FNumber"]: (RATIONAL, b""), TAG["ISOSpeedRatings"]: (SHORT, [0])},
+        {TAG["FNumber"]: (FieldType.SRATIONAL, [-2.8]), TAG["FocalLength"]: (FieldType.DOUBLE, [math.inf])},
+        {TAG["LensModel"]: (SHORT, [35]), TAG["DateTimeOriginal"]: (ASCII, "yesterday"), TAG["SubsecTimeOriginal"]: (SHORT, [7])},
+        {TAG["DateTimeOriginal"]: (ASCII, "0000:00:00 00:00:00"), TAG["FocalLength"]: (FieldType.DOUBLE, [2.0**40])},
+        {TAG["OffsetTimeOriginal"]: (ASCII, "local"), TAG["OffsetTime"]: (SHORT, [1])},
     ],
 )
 def test_odd_fields_count_as_not_there(exif: Fields) -> None:
-    assert read({Tag.MAKE: (SHORT, [1]), Tag.ORIENTATION: (SHORT, [9])}, exif) == CaptureMetadata()
+    assert read({TAG["Make"]: (SHORT, [1]), TAG["Orientation"]: (SHORT, [9])}, exif) == CaptureMetadata()
 
 
 def test_the_odd_field_costs_no_other() -> None:
     exif: Fields = {
-        Tag.F_NUMBER: (RATIONAL, struct.pack("<2I", 0, 0)),
-        Tag.ISO_SPEED_RATINGS: (SHORT, [640, 200]),
-        Tag.FOCAL_LENGTH: (RATIONAL, [35]),
-        Tag.DATE_TIME_ORIGINAL: (ASCII, ""),
-        Tag.LENS_MODEL: (ASCII, "f/2"),
+        TAG["FNumber"]: (RATIONAL, struct.pack("<2I", 0, 0)),
+        TAG["ISOSpeedRatings"]: (SHORT, [640, 200]),
+        TAG["FocalLength"]: (RATIONAL, [35]),
+        TAG["DateTimeOriginal"]: (ASCII, ""),
+        TAG["LensModel"]: (ASCII, "f/2"),
     }
-    main: Fields = {Tag.ORIENTATION: (SHORT, [0]), Tag.DATE_TIME: (ASCII, "2014:03:09 07:05:01"), Tag.ARTIST: (ASCII, "J")}
+    main: Fields = {TAG["Orientation"]: (SHORT, [0]), TAG["DateTime"]: (ASCII, "2014:03:09 07:05:01"), TAG["Artist"]: (ASCII, "J")}
     assert read(main, exif) == CaptureMetadata(
         lens="f/2",
         artist="J",
@@ -134,7 +134,7 @@ def test_the_odd_field_costs_no_other() -> None:
     ids=lambda value: repr(value)[:30],
 )
 def test_texts_are_read_as_they_were_meant(data: bytes, expected: str) -> None:
-    assert read({Tag.COPYRIGHT: (ASCII, data)}) == CaptureMetadata(copyright=expected)
+    assert read({TAG["Copyright"]: (ASCII, data)}) == CaptureMetadata(copyright=expected)
 
 
 def test_a_place_is_whole_or_not_there() -> None:
@@ -158,12 +158,12 @@ def test_a_place_is_whole_or_not_there() -> None:
 
 
 def test_exif_in_the_first_directory_is_found_as_tiff_ep_has_it() -> None:
-    assert read({Tag.EXPOSURE_TIME: (RATIONAL, [0.5])}) == CaptureMetadata(exposure_time=0.5)
+    assert read({TAG["ExposureTime"]: (RATIONAL, [0.5])}) == CaptureMetadata(exposure_time=0.5)
 
 
 def test_fields_without_a_name_of_ours_are_left_out() -> None:
     """Shots of earlier versions carry them along."""
-    exif: Fields = {37385: (SHORT, [16]), 42034: (RATIONAL, [24, 70, 2, 4]), Tag.OFFSET_TIME: (ASCII, "-03:00")}
+    exif: Fields = {37385: (SHORT, [16]), 42034: (RATIONAL, [24, 70, 2, 4]), TAG["OffsetTime"]: (ASCII, "-03:00")}
     assert read({}, exif, {29: (ASCII, "2024:05:01")}) == CaptureMetadata(zone="-03:00")
 
 
@@ -187,8 +187,8 @@ def test_a_torn_structure_is_no_error(cut: int) -> None:
 def test_what_hostile_files_hold_fits_a_jpeg() -> None:
     long = b"\xf0\x9f\x8c\x8d" * 10**5
     texts: Fields = dict.fromkeys(TEXTS.values(), (ASCII, long))
-    exif: Fields = dict.fromkeys((Tag.LENS_MODEL, Tag.OFFSET_TIME_ORIGINAL), (ASCII, long))
-    gps: Fields = dict.fromkeys(GpsTag, (ASCII, long))
+    exif: Fields = dict.fromkeys((TAG["LensModel"], TAG["OffsetTimeOriginal"]), (ASCII, long))
+    gps: Fields = dict.fromkeys(range(7), (ASCII, long))
     found = read(texts, exif, gps)
     assert found.artist
     assert 10_000 < len(exif_block(found)) < 60_000
@@ -196,8 +196,8 @@ def test_what_hostile_files_hold_fits_a_jpeg() -> None:
 
 def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
     data = encode_dng(mosaic(), preview())
-    fields = read_directories(BytesIO(data), {Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL}).main
-    named = [text(fields, tag) for tag in (Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL)]
+    fields = read_directories(BytesIO(data), {TAG["Make"], TAG["Model"], TAG["UniqueCameraModel"]}).main
+    named = [text(fields, tag) for tag in (TAG["Make"], TAG["Model"], TAG["UniqueCameraModel"])]
     assert named == ["Panchroma", *["Panchroma Pr?fling 7"] * 2]
     odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd

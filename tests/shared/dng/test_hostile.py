@@ -12,7 +12,7 @@ from shared import CfaPattern, Mosaic
 from shared.dng import codec, decode_dng, decode_preview, encode_dng
 from shared.dng.container import main_directory, raw_digest, raw_directory
 from shared.dng.record import encode_record, record_id
-from shared.dng.tags import Photometric, Tag
+from shared.dng.tags import TAG, Photometric
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
@@ -31,9 +31,9 @@ def parts(shot: Mosaic, fields: Fields | None = None, strips: list[bytes] | None
 
 def sealed(main: Directory, record: bytes, identity: str | None) -> bytes:
     """A file of these directories with this record and identity; None = left out."""
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
+    main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
     if identity is not None:
-        main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, identity.encode()
+        main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, identity.encode()
     return encode_tiff(main)
 
 
@@ -45,9 +45,9 @@ def tampered(fields: Fields, strips: list[bytes] | None = None, shot: Mosaic | N
 
 def sides(rows: int, columns: int) -> Fields:
     return {
-        Tag.IMAGE_LENGTH: (FieldType.LONG, [rows]),
-        Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
-        Tag.IMAGE_WIDTH: (FieldType.LONG, [columns]),
+        TAG["ImageLength"]: (FieldType.LONG, [rows]),
+        TAG["RowsPerStrip"]: (FieldType.LONG, [rows]),
+        TAG["ImageWidth"]: (FieldType.LONG, [columns]),
     }
 
 
@@ -103,7 +103,7 @@ def test_absurd_sizes_are_refused_before_they_are_decoded() -> None:
     assert_refused_cheaply(tampered(sides(60000, 60000)), "declares 60000 x 60000 pixels; the limit is 268435456")
     assert_refused_cheaply(tampered(sides(16000, 16000)), "its .* bytes of samples cannot hold them")
     assert_refused_cheaply(tampered(sides(2**32 - 1, 2**32 - 1)), "the limit is")
-    assert_refused_cheaply(tampered({Tag.IMAGE_WIDTH: (FieldType.LONG, [0])}), "damaged")
+    assert_refused_cheaply(tampered({TAG["ImageWidth"]: (FieldType.LONG, [0])}), "damaged")
     assert_refused_cheaply(tampered({32997: (FieldType.LONG, [10**6])}), "expected whole numbers")  # ImageDepth
 
 
@@ -131,9 +131,9 @@ def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
 def test_strips_must_lie_in_the_file_and_side_by_side() -> None:
     rows = 37
     many: Fields = {
-        Tag.ROWS_PER_STRIP: (FieldType.LONG, [1]),
-        Tag.COMPRESSION: (FieldType.SHORT, [1]),
-        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16]),
+        TAG["RowsPerStrip"]: (FieldType.LONG, [1]),
+        TAG["Compression"]: (FieldType.SHORT, [1]),
+        TAG["BitsPerSample"]: (FieldType.SHORT, [16]),
     }
     strips = [row.tobytes() for row in mosaic(CfaPattern.bayer(9)).codes]
     assert same(decode_dng(tampered(many, strips)), mosaic(CfaPattern.bayer(9)))
@@ -188,7 +188,7 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
     original = mosaic(CfaPattern.bayer(9), shape)
     rows, columns = shape
     for changed in ((columns, rows), (rows * 2, columns // 2), (rows // 2, columns * 2), (1, rows * columns), (rows - 1, columns)):
-        fields = {**sides(*changed), Tag.COMPRESSION: (FieldType.SHORT, [1]), Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16])}
+        fields = {**sides(*changed), TAG["Compression"]: (FieldType.SHORT, [1]), TAG["BitsPerSample"]: (FieldType.SHORT, [16])}
         with pytest.raises(InputError, match="damaged: the samples"):
             decode_dng(tampered(fields, [original.codes.tobytes()], original))
 
@@ -205,6 +205,6 @@ def test_an_exchanged_preview_is_told_by_verify_only() -> None:
 
 def test_samples_of_another_kind_are_told() -> None:
     with pytest.raises(InputError, match="PhotometricInterpretation of the raw samples is 2"):
-        decode_dng(tampered({Tag.PHOTOMETRIC: (FieldType.SHORT, [2])}))
+        decode_dng(tampered({TAG["PhotometricInterpretation"]: (FieldType.SHORT, [2])}))
     with pytest.raises(InputError, match="no raw picture"):
-        decode_dng(tampered({Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1])}))
+        decode_dng(tampered({TAG["NewSubfileType"]: (FieldType.LONG, [1])}))

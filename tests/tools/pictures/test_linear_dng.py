@@ -14,7 +14,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.dng import codec, decode_dng, decode_preview, read_metadata
 from shared.dng.exif import text
-from shared.dng.tags import Tag
+from shared.dng.tags import TAG
 from shared.errors import InputError
 from shared.tiff import FieldType
 from shared.tiff_reading import read_directories
@@ -111,9 +111,9 @@ def test_nonsense_is_refused(change: dict[str, Any], reason: str) -> None:
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
     data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
     assert codec.verify(data) == (8, 12)
-    turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
-    turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
-    turned = turned.replace(_entry(Tag.ROWS_PER_STRIP, 8), _entry(Tag.ROWS_PER_STRIP, 12))
+    turned = data.replace(_entry(TAG["ImageWidth"], 12), _entry(TAG["ImageWidth"], 8))
+    turned = turned.replace(_entry(TAG["ImageLength"], 8), _entry(TAG["ImageLength"], 12))
+    turned = turned.replace(_entry(TAG["RowsPerStrip"], 8), _entry(TAG["RowsPerStrip"], 12))
     assert len(turned) == len(data)
     assert turned != data
     with pytest.raises(InputError, match="damaged"):
@@ -134,7 +134,7 @@ def test_a_rendered_picture_is_no_mosaic() -> None:
 def test_the_source_is_known_and_the_camera_ours() -> None:
     rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     assert read_metadata(BytesIO(rendered)) == METADATA
-    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main, Tag.MODEL) == "Panchroma render"
+    assert text(read_directories(BytesIO(rendered), {TAG["Model"]}).main, TAG["Model"]) == "Panchroma render"
 
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
