@@ -1,7 +1,7 @@
 """Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import IO, Literal
+from typing import IO
 
 import imagecodecs
 import numpy as np
@@ -11,7 +11,7 @@ from ..calibration import SensorCalibration
 from ..errors import ForeignFileError, InputError
 from ..jpeg_check import read_header
 from ..mosaic import Mosaic
-from ..pattern import PANCHROMATIC, CfaPattern
+from ..pattern import CfaPattern
 from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields, has_colours
@@ -19,8 +19,6 @@ from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, TAG, Photometric
-
-Layout = Literal["auto", "cfa", "linear"]
 
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
@@ -30,17 +28,17 @@ _WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])  # any of the
 _LEAST_SHOT_NOISE = 1e-12
 
 
-def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
+def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
 
     mosaic: its `codes` are saved.
     preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers show it as the photograph.
-    layout: "cfa" states the true filter pattern; "linear" saves the same samples as a grey photograph, for raw developers that take
-        any pattern for a Bayer one; "auto" is "cfa" where DNG can express the pattern.
-    Raises InputError when `layout` cannot hold the pattern, for another kind of preview, and for a side of more than 65500 pixels.
+    Where DNG cannot express the pattern the samples are stored as one grey plane.
+    Raises InputError for another kind of preview, and for a side of more than 65500 pixels.
     """
     pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
-    photometric = _photometric(pattern, layout)
+    stated = has_colours(pattern.channels) and pattern.period <= LONGEST_CFA_PERIOD
+    photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
         compressed = pool.submit(raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric)
         digest = raw_digest(codes)
@@ -142,22 +140,6 @@ def decode_preview(data: bytes | IO[bytes]) -> bytes:
     """The JPEG preview of a DNG, unchanged. Raises InputError when there is none."""
     with opened(data) as dng:
         return dng.preview()
-
-
-def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
-    obstacle = ""
-    if not has_colours(pattern.channels):
-        obstacle = (
-            f"DNG has no colour codes for the channels {pattern.channels}, only for panchromatic and three of "
-            f"{''.join(CFA_CODES).replace(PANCHROMATIC, '')}, none of which is a mixture of the others"
-        )
-    elif pattern.period > LONGEST_CFA_PERIOD:
-        obstacle = f"the period is {pattern.period}; DNG readers accept at most {LONGEST_CFA_PERIOD}"
-    if layout not in ("auto", "cfa", "linear"):
-        raise InputError(f'unknown layout {layout!r}; one of "auto", "cfa", "linear"')
-    if layout == "cfa" and obstacle:
-        raise InputError(f'the layout "cfa" cannot hold this pattern: {obstacle}; use "auto" or "linear"')
-    return Photometric.LINEAR_RAW if obstacle or layout == "linear" else Photometric.CFA
 
 
 def _cfa(pattern: CfaPattern) -> Fields:
