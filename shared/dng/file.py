@@ -22,8 +22,8 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite
     mosaic: the shot; its `codes` are saved.
     preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
     overwrite: replace an existing file.
-    Raises InputError for another kind of preview and for a side of more than 65500 pixels. Raises OutputError when the file exists and `overwrite` is False, and
-    when it cannot be written.
+    Raises InputError for another kind of preview and for a side of more than 65500 pixels, and OutputError when the file exists and
+    `overwrite` is False, or cannot be written.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng

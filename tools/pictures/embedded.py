@@ -7,12 +7,13 @@ from functools import cache
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray
 from shared.colorimetry import D50, D65_XY, SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE, adaptation, xyz
-from shared.display import SPACES
 from shared.dng import metadata_directory
 from shared.dng.exif import resolution_fields
 from shared.dng.tags import MAKER, TAG
 from shared.tiff import Directory, FieldType
 from tools.host.versions import package_version
+
+from .display import SPACES
 
 # Exif 2.3, tables 4 and 15: required fields besides the capture data.
 _COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y = 40961, 37121, 40960, 40962, 40963

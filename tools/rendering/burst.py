@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
 from tools.host.jobs import Job
 from tools.host.progress import Note
+from tools.pictures.display import ColourTransform
 
 from .burst_files import BurstFile, leave_odd_ones_out
 from .burst_report import Shown, page

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
-from shared.display import ColourTransform
+from tools.pictures.display import ColourTransform
 from tools.pictures.html import cell, figure, picture, reduced, report, row, row_title, table, without_folders
 from tools.pictures.plot import Plot, round_step, ticks
 from tools.pictures.samples import Sample, display_codes, upright

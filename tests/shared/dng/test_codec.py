@@ -8,14 +8,12 @@ from tifffile import TiffFile, TiffPage
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.calibration import BITS
 from shared.colorimetry import D50
-from shared.dng import Layout, decode_dng, encode_dng
+from shared.dng import decode_dng, encode_dng
 from shared.dng.container import raw_digest
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS, PERIODS
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
-
-FIVE = CfaPattern.with_block(("ABC", "DEA"), 8, (3, 2))
 
 
 def pages(data: bytes) -> tuple[dict[int, Any], dict[int, Any]]:
@@ -27,8 +25,8 @@ def pages(data: bytes) -> tuple[dict[int, Any], dict[int, Any]]:
         return {tag.code: tag.value for tag in main.tags}, {tag.code: tag.value for tag in raw.tags}
 
 
-def assert_survives(original: Mosaic, layout: Layout = "auto") -> None:
-    read = decode_dng(encode_dng(original, preview(), layout))
+def assert_survives(original: Mosaic) -> None:
+    read = decode_dng(encode_dng(original, preview()))
     assert read.samples.dtype == np.uint16
     assert same(read, original)
     assert read.metadata == original.metadata
@@ -48,7 +46,6 @@ def assert_survives(original: Mosaic, layout: Layout = "auto") -> None:
 )
 def test_every_mosaic_survives(original: Mosaic) -> None:
     assert_survives(original)
-    assert_survives(original, "linear")
 
 
 def test_cyan_magenta_and_yellow_have_codes_too() -> None:
@@ -98,19 +95,16 @@ def test_scene_units_are_stored_as_codes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("original", "picture", "layout", "reason"),
+    ("original", "picture", "reason"),
     [
-        (mosaic(CfaPattern.bayer(9)), preview(), "cfa", '"cfa" cannot hold.*period is 9.*at most 8.*"linear"'),
-        (mosaic(FIVE), preview(), "cfa", '"cfa" cannot hold.*no colour codes for the channels ABCDE.*"linear"'),
-        (mosaic(), preview(), "bayer", "unknown layout 'bayer'"),
-        (mosaic(shape=(6, 65501)), preview(), "auto", "at most 65500"),
-        (mosaic(), np.zeros((4, 4, 3)), "auto", "the preview is .* expected a uint8 picture"),
-        (mosaic(), np.zeros((0, 4, 3), np.uint8), "auto", "the preview is .* expected a uint8 picture"),
+        (mosaic(shape=(6, 65501)), preview(), "at most 65500"),
+        (mosaic(), np.zeros((4, 4, 3)), "the preview is .* expected a uint8 picture"),
+        (mosaic(), np.zeros((0, 4, 3), np.uint8), "the preview is .* expected a uint8 picture"),
     ],
 )
-def test_what_no_dng_holds_is_refused(original: Mosaic, picture: Any, layout: Any, reason: str) -> None:
+def test_what_no_dng_holds_is_refused(original: Mosaic, picture: Any, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        encode_dng(original, picture, layout)
+        encode_dng(original, picture)
 
 
 def test_directories_are_laid_out_as_dng_wants() -> None:
@@ -158,13 +152,9 @@ def test_noise_profile_is_that_of_normalised_samples() -> None:
         signal = 0.4  # scene units
         told = np.sqrt(slope * signal / calibrated.full_scale + floor) * calibrated.full_scale
         assert told == pytest.approx(calibrated.noise.sigma(signal, plane), rel=1e-12)
-    grey = pages(encode_dng(original, preview(), "linear"))[1]
+    grey = pages(encode_dng(mosaic(CfaPattern.bayer(9), calibrated=calibrated), preview()))[1]
     assert tuple(grey[51041]) == tuple(profile[-1])
-
-
-def test_noise_without_a_shot_term_has_a_slope_that_readers_accept() -> None:
-    gaussian = calibration(noise=NoiseModel.gaussian(0.01, 4))
-    assert min(pages(encode_dng(mosaic(calibrated=gaussian), preview()))[1][51041]) > 0
+    assert min(pages(encode_dng(mosaic(calibrated=calibration(noise=NoiseModel.gaussian(0.01, 4))), preview()))[1][51041]) > 0
 
 
 def test_digest_is_adobes() -> None:

@@ -66,17 +66,12 @@ def test_the_helper_makes_good_files() -> None:
 
 
 @pytest.mark.parametrize(
-    ("layout", "pattern"),
-    [
-        ("cfa", CfaPattern.bayer(6)),
-        ("linear", CfaPattern.bayer(6)),
-        ("cfa", CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW")),
-        ("auto", CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW")),
-    ],
+    "pattern",
+    [CfaPattern.bayer(6), CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW"), CfaPattern.of_letters("ABCDW/EFGHW" + "/WWWWW" * 3)],
 )
-def test_a_flipped_bit_is_told_or_harmless(layout: codec.Layout, pattern: CfaPattern) -> None:
+def test_a_flipped_bit_is_told_or_harmless(pattern: CfaPattern) -> None:
     original = mosaic(pattern, (13, 17))
-    data = encode_dng(original, preview(8, 8), layout)
+    data = encode_dng(original, preview(8, 8))
     random = np.random.default_rng(300)
     # Half of them in the directories, which are a small part of the file and the dangerous one.
     tail = 8 * (len(data) - 1200)

@@ -14,11 +14,11 @@ from PIL import Image
 
 import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
-from shared.display import ColourTransform
 from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.camera.sensor import simulate_additive, simulate_sensor, typical_noise
 from tools.commands.simulate import noise_of
+from tools.pictures.display import ColourTransform
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"

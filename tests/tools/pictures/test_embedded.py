@@ -8,7 +8,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from shared.colorimetry import decode_srgb, encode_srgb
-from shared.display import SPACES
+from tools.pictures.display import SPACES
 from tools.pictures.embedded import icc_profile
 from tools.pictures.samples import quantise
 

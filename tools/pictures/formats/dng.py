@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shared.arrays import ByteArray, FloatArray
-from shared.display import checked_picture
 from shared.dng.colour_tags import colour_fields
 from shared.dng.container import DIGEST_TILE, check_sides, joined_digest, main_directory, picture_fields, picture_id, tile_digests
 from shared.dng.lossless_jpeg import encode_lossless
@@ -23,6 +22,7 @@ from shared.tiff import Directory, FieldType, write_tiff
 from tools.host.ahead import WAITING, ahead
 
 from ..development import CAMERA, Development
+from ..display import checked_picture
 from ..samples import display_codes, joined, regrouped
 from .format import Format
 
