@@ -6,12 +6,13 @@ from functools import cache
 
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50, D65_XY, SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE, adaptation, xyz
+from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.dng import metadata_directory
 from shared.dng.exif import resolution_fields
 from shared.dng.tags import MAKER, TAG
 from shared.tiff import Directory, FieldType
 from tools.host.versions import package_version
+from tools.scenes.colour import SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE
 
 from .display import SPACES
 
