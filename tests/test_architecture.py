@@ -129,7 +129,7 @@ def test_the_house_can_be_drawn_on_a_page() -> None:
         arrows.setdefault(room(module), set()).update(targets - {room(module), "__init__"})
     floors = list(TopologicalSorter(arrows).static_order())  # raises CycleError where an arrow points up
     assert len(floors) <= 15
-    assert sum(map(len, arrows.values())) <= 47
+    assert sum(map(len, arrows.values())) <= 49
 
 
 def code_lines(text: str) -> set[int]:

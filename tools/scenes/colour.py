@@ -28,7 +28,7 @@ def encode_srgb(linear: FloatArray) -> FloatArray:
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
-    """Decode sample values of sRGB, 0..1 (IEC 61966-2-1), to linear light. Below 0 the straight part continues, above 1 the power."""
+    """Decode sample values of sRGB (IEC 61966-2-1) to linear light. Below 0 the straight part continues, above 1 the power."""
     scale = 1 + SRGB_OFFSET
     power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
     return np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
