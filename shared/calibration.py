@@ -16,8 +16,8 @@ import numpy as np
 
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
-from .figures import numbers, shown, whole
-from .lights import COLOUR_RANGE, Lights, checked_lights, checked_matrix, colours_under, lights_from_json
+from .figures import built, numbers, shown, whole
+from .lights import COLOUR_RANGE, CalibratedLight, Lights, checked_lights, checked_matrix, colours_under
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -26,6 +26,7 @@ SCHEMA = 1
 OPTIONAL = "neutral_estimated", "shading", "aberration", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
+_KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
 # beyond the limits a render would overflow, without an error.
@@ -155,21 +156,17 @@ class SensorCalibration:
         self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count, _GAMMA)
         self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
         object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))  # JSON takes only int
-        if not 0 <= min(self.black_level) <= max(self.black_level) < self.white_level <= 65535:
+        black, white = self.black_level, self.white_level
+        if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             raise InputError(
-                f"calibration: black_level {self.black_level} and white_level {shown(self.white_level)}, "
-                "expected 0 <= black < white <= 65535"
-            )
-        if self.white_level - max(self.black_level) < _LEAST_RANGE:
-            raise InputError(
-                f"calibration: black_level {self.black_level} is less than {_LEAST_RANGE} codes below "
-                f"white_level {self.white_level}"
+                f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= black, at least {_LEAST_RANGE} "
+                "codes below white, which is 65535 at most"
             )
         if self.noise is not None:
             if len(self.noise.shot) != count + 1:
                 raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
             for name in ("shot", "read"):
-                _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], NOISE_RANGE, "0, or ")
+                _check_range(f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or ")
         if self.neutral is not None:
             self._set("neutral", self.neutral, count, COLOUR_RANGE)
         elif self.neutral_estimated:
@@ -180,8 +177,8 @@ class SensorCalibration:
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
-        if self.shading is not None:
-            self.shading.check_channels(letters)
+        if self.shading is not None and len(self.shading.gain) != count + 1:
+            raise InputError(f"calibration: shading has {len(self.shading.gain)} planes, expected {count + 1} ({letters}W)")
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -275,22 +272,20 @@ class SensorCalibration:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
         if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
-        for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int), ("neutral_estimated", bool)):
-            if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool) != (kind is bool)):
+        for name, kind in _KINDS.items():
+            if not isinstance(given.get(name, kind()), kind):
                 raise InputError(f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}")
-        noise = given.get("noise")
-        if noise is not None:
-            if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
-                raise InputError('calibration: noise is not an object with "shot" and "read"')
-            given["noise"] = NoiseModel(**noise)
+        if given.get("noise") is not None:
+            given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:
-            given["shading"] = Shading.from_json(given["shading"])
+            given["shading"] = built(Shading, given["shading"], "calibration: shading")
         if "aberration" in given:
             given["aberration"] = json.dumps(given["aberration"])
-        if given.get("lights") is not None:
+        if (lights := given.get("lights")) is not None:
             if given.get("camera_to_xyz") is not None:
                 raise InputError("calibration: has lights and camera_to_xyz, which follows from them: leave one of them out")
-            given["lights"] = lights_from_json(given["lights"])
+            lights = lights if isinstance(lights, list | tuple) else [lights]
+            given["lights"] = tuple(built(CalibratedLight, light, "calibration: lights") for light in lights)
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
@@ -314,12 +309,11 @@ def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
         places = sorted({(whole("a row", row), whole("a column", column)) for row, column in values})
+        if not all(0 <= min(place) <= max(place) < MAX_PIXELS for place in places):
+            raise ValueError
     except (TypeError, ValueError, InputError):
-        raise InputError("calibration: defects is not a list of [row, column]") from None
+        raise InputError("calibration: defects is not a list of [row, column] that a sensor has") from None
     if len(places) > _MOST_DEFECTS:
-        raise InputError(
-            f"calibration: defects holds {len(places)} pixels, expected {_MOST_DEFECTS} at most; measure the sensor anew"
-        )
-    if places and not 0 <= min(min(place) for place in places) <= max(max(place) for place in places) < MAX_PIXELS:
-        raise InputError("calibration: defects holds a negative row or column, or one that no sensor has")
+        most = f"{_MOST_DEFECTS} at most; measure the sensor anew"
+        raise InputError(f"calibration: defects holds {len(places)} pixels, expected {most}")
     return tuple(places)

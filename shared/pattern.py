@@ -9,12 +9,14 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
+from typing import Any
 
 import numpy as np
 
 from .arrays import BoolArray, ByteArray
 from .block_grid import BlockGrid
 from .errors import InputError
+from .figures import shown, whole
 from .spelling import meant
 from .tiles import EXPECTED, TILES, letters_of, name_of
 
@@ -57,10 +59,10 @@ class CfaPattern:
         if period not in PERIODS:
             raise InputError(f"pattern: the tile has {period} rows; the period must be {PERIODS[0]} to {PERIODS[-1]}")
         for row in self.tile:
-            if len(row) != period:
-                raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, expected {period}: tiles are square")
-            if not (row.isascii() and row.isalpha() and row.isupper()):
-                raise InputError(f"pattern: tile row {row!r} must consist of the letters A to Z")
+            if len(row) != period or not _LETTERS.fullmatch(row):
+                raise InputError(
+                    f"pattern: tile row {row!r} has {len(row)} letters, expected {period} of the letters A to Z: tiles are square"
+                )
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
         found = "".join(dict.fromkeys(letters))
         if PANCHROMATIC not in "".join(self.tile):
@@ -119,6 +121,24 @@ class CfaPattern:
                 f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; at most {PERIODS[-1]} is possible"
             )
         return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
+
+    @classmethod
+    def from_json(cls, document: Any) -> "CfaPattern":
+        """Return the pattern in a JSON object with "tile", "origin" and "channels". Raises InputError for anything else.
+
+        >>> from shared import CfaPattern
+        >>> CfaPattern.from_json({"tile": ["RGW", "GBW", "WWW"]}) == CfaPattern.bayer(3)
+        True
+        """
+        try:
+            fields = {"origin": (0, 0), "channels": "", **document}
+            row, column = (whole("pattern: origin", value) for value in fields["origin"])
+            texts = [*fields["tile"], fields["channels"]]
+            if fields.keys() != {"tile", "origin", "channels"} or not all(isinstance(text, str) for text in texts):
+                raise TypeError
+        except (TypeError, ValueError, KeyError):
+            raise InputError(f"pattern: {shown(document)} is not an object with tile, origin and channels") from None
+        return cls(tuple(fields["tile"]), (row, column), fields["channels"])
 
     @property
     def name(self) -> str:

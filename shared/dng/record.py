@@ -10,8 +10,7 @@ from typing import Any
 
 from ..calibration import OPTIONAL, SensorCalibration
 from ..errors import InputError
-from ..figures import parsed_json
-from ..figures import whole as whole_number
+from ..figures import parsed_json, size
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from .reader import damaged
@@ -84,17 +83,14 @@ def decode_record(data: bytes) -> Record:
     if (schema := document.get("schema")) != SCHEMA:
         raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
     try:
-        given = document["pattern"]
-        row, column = (whole_number("origin", place) for place in given["origin"])
-        pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
-        known = {**document["calibration"], **{name: document[name] for name in document.keys() & OPTIONAL}}
-        rows, columns = (whole_number("shape", length) for length in document["shape"])
-        samples, preview = document["samples"], document["preview"]
+        pattern = CfaPattern.from_json({name: value for name, value in document["pattern"].items() if name != "period"})
+        calibration = {**document["calibration"], **{name: document[name] for name in document.keys() & OPTIONAL}}
+        shape, samples, preview = size("shape", document["shape"]), document["samples"], document["preview"]
         if not (isinstance(samples, str) and isinstance(preview, str)):
             raise TypeError
     except (ValueError, AttributeError, KeyError, TypeError):  # the digest is right, but no version of ours wrote this
         raise _changed() from None
-    return Record(pattern, SensorCalibration.from_json(known), digest, (rows, columns), samples, preview)
+    return Record(pattern, SensorCalibration.from_json(calibration), digest, shape, samples, preview)
 
 
 def _changed() -> InputError:

@@ -43,11 +43,12 @@ def test_calibration_remembers_the_file() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"pattern": 7}, "pattern is 7"),
-        ({"pattern": {"tile": 3}}, "pattern.tile"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0]}}, "pattern.origin"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "size": 1}}, "unknown field 'size'"),
+        ({"pattern": 7}, "pattern: 7 is not an object with tile, origin and channels"),
+        ({"pattern": {"tile": 3}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0]}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "size": 1}}, "pattern: .* is not an object with tile"),
         ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "XYZ.*RGB"),
+        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0, 0.5]}}, "pattern: origin is 0.5, expected a whole number"),
         ({"measured": []}, "measured"),
         ({"measured": {"taste": {}}}, "unknown part 'taste'"),
         ({"measured": {"gamma": 1}}, "measured.gamma"),

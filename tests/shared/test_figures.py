@@ -12,7 +12,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading, r
 from shared.dng import record
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.errors import InputError
-from shared.figures import number, numbers, parsed_json, tables, whole
+from shared.figures import numbers, parsed_json, whole
 
 HUGE = 10**400
 SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[arg-type]
@@ -80,8 +80,7 @@ def test_callers_get_an_error_by_name_too(of: Callable[[Any], Any], figure: Any)
 
 def test_numbers_of_any_type_are_taken() -> None:
     assert numbers("a", np.array([1, 2], np.uint8)) == (1.0, 2.0)
-    assert tables("a", np.ones((2, 2), np.float32), 2) == ((1.0, 1.0), (1.0, 1.0))
-    assert number("a", np.float32(0.5)) == 0.5
+    assert numbers("a", np.full((2, 2), 0.5, np.float32), depth=2) == ((0.5, 0.5), (0.5, 0.5))
     assert whole("a", np.int64(7)) == 7
     for wrong in (np.True_, np.array(["1"]), {"1": 1}, 1j):
         with pytest.raises(InputError, match=r"^a is "):

@@ -77,8 +77,8 @@ def test_an_aberration_of_earlier_versions_is_ignored_with_a_remark_and_stays_in
 def test_shading_is_of_one_sensor_and_its_document_is_checked() -> None:
     documents: list[Any] = [[], {"size": SHAPE}, {**FIGURES, "more": 1}]
     for wrong in documents:
-        with pytest.raises(InputError, match="is not an object with"):
-            Shading.from_json(wrong)
+        with pytest.raises(InputError, match=r"shading is .*, expected an object with gain, size, focal_length, residual"):
+            SensorCalibration.from_json({**BARE.to_json(), "shading": wrong})
     for name, value in (("size", (0, 5)), ("size", 5), ("focal_length", "50"), ("focal_length", -1)):
         with pytest.raises(InputError, match=f"{name} is "):
             Shading(**{**FIGURES, name: value})

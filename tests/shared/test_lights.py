@@ -145,8 +145,8 @@ def test_json_and_back() -> None:
         ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
         ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
         ([one, {**other, "camera_to_xyz": [[0, 0, 0]] * 3}], "camera_to_xyz"),
-        ([one, {"illuminant": "D65"}], "list of objects with"),
-        (7, "list of objects with"),
+        ([one, {"illuminant": "D65"}], "lights is .*, expected an object with illuminant, camera_to_xyz, neutral"),
+        (7, "lights is .*, expected an object with illuminant, camera_to_xyz, neutral"),
     )
     for lights, why in wrong:
         with pytest.raises(InputError, match=why):
