@@ -5,6 +5,7 @@ and filling bytes one at a time.
 """
 
 import re
+import struct
 from dataclasses import dataclass
 
 from .errors import InputError
@@ -84,6 +85,5 @@ def read_header(jpeg: bytes) -> JpegHeader:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
-    kind, size = frame
-    rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
-    return JpegHeader(kind, rows, columns, size[5], scans, size[0], marker == _END, tuple(applications))
+    bits, rows, columns, components = struct.unpack(">BHHB", frame[1])
+    return JpegHeader(frame[0], rows, columns, components, scans, bits, marker == _END, tuple(applications))

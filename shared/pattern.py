@@ -163,15 +163,13 @@ class CfaPattern:
     @cached_property
     def block_origin(self) -> tuple[int, int]:
         """Sensor (row, column) of the top left pixel of a block, each in 0..K-1."""
-        row, column = (0, 0) if self.is_scattered else (_span(self._occupied(axis))[0] for axis in (1, 0))
+        (row, _), (column, _) = self._spans
         return (row + self.origin[0]) % self.period, (column + self.origin[1]) % self.period
 
     @cached_property
     def block_shape(self) -> tuple[int, int]:
         """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a Bayer block."""
-        if self.is_scattered:
-            return self.period, self.period
-        rows, columns = (_span(self._occupied(axis))[1] for axis in (1, 0))
+        (_, rows), (_, columns) = self._spans
         return rows, columns
 
     @cached_property
@@ -226,6 +224,11 @@ class CfaPattern:
     @cached_property
     def _colour(self) -> BoolArray:
         return self._tile_planes != len(self.channels)
+
+    @cached_property
+    def _spans(self) -> tuple[tuple[int, int], ...]:
+        """(first, number) of the rows, and of the columns, of a block in the tile."""
+        return tuple((0, self.period) if self.is_scattered else _span(self._occupied(axis)) for axis in (1, 0))
 
     def _occupied(self, axis: int) -> BoolArray:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""

@@ -75,7 +75,9 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     if not is_record(stored):
         raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
     record = decode_record(stored)
-    _check_cfa(dng, record.pattern)
+    letters, cfa = record.pattern.letters_from(), dng.cfa()
+    if cfa not in (None, letters):
+        raise damaged(f"CFAPattern says {' '.join(cfa or ())}, the record in DNGPrivateData says {' '.join(letters)}")
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
     if samples.shape != record.shape:
@@ -152,43 +154,26 @@ def _cfa(pattern: CfaPattern) -> Fields:
     }
 
 
-def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
-    """Raise InputError when the CFA tags and the private record state different patterns."""
-    cfa = dng.cfa()
-    if cfa is None:
-        return
-    letters = {code: letter for letter, code in CFA_CODES.items()}
-    shown = ["".join(letters.get(code, "?") for code in row) for row in cfa]
-    if tuple(shown) != pattern.letters_from():
-        raise damaged(f"CFAPattern says {' '.join(shown)}, the record in DNGPrivateData says {' '.join(pattern.letters_from())}")
-
-
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
     """Fields of the levels. The black level is stated for each pixel of a period if the planes differ, otherwise once."""
+    levels = np.array(calibration.black_level)
     if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
-        levels = np.array([[calibration.black_level[-1]]])  # the panchromatic plane's: most pixels belong to it
+        levels = levels[-1:, None]  # the panchromatic plane's: most pixels belong to it
     else:
-        levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
-    whole = not (levels % 1).any()
+        levels = levels[pattern.filter_map((pattern.period, pattern.period))]
+    kind, number = (FieldType.RATIONAL, float) if (levels % 1).any() else (FieldType.SHORT, int)
     return {
         TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, list(levels.shape)),
-        TAG["BlackLevel"]: (
-            FieldType.SHORT if whole else FieldType.RATIONAL,
-            levels.astype(int if whole else float).ravel().tolist(),
-        ),
+        TAG["BlackLevel"]: (kind, levels.astype(number).ravel().tolist()),
         TAG["WhiteLevel"]: (FieldType.SHORT, [calibration.white_level]),
     }
 
 
 def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     """Field NoiseProfile, in which samples are x = signal / full_scale: S = shot / full_scale, O = (read / full_scale)**2."""
-    if calibration.noise is None:
+    noise, full = calibration.noise, calibration.full_scale
+    if noise is None:
         return {}
-    full = calibration.full_scale
-    planes = [
-        (max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2)
-        for shot, read in zip(calibration.noise.shot, calibration.noise.read, strict=True)
-    ]
-    if photometric is Photometric.LINEAR_RAW:
-        planes = planes[-1:]  # the file has one plane, nearly all of it panchromatic
-    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}
+    planes = [(max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2) for shot, read in zip(noise.shot, noise.read, strict=True)]
+    first = -1 if photometric is Photometric.LINEAR_RAW else 0  # a grey file has one plane, nearly all of it panchromatic
+    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, [figure for plane in planes[first:] for figure in plane])}

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import SEEK_END, BytesIO
 from itertools import product
-from typing import IO, Any
+from typing import IO
 
 import imagecodecs
 import numpy as np
@@ -20,7 +20,7 @@ from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
 from ..tiff_check import PLAIN, check_directories
 from .exif import read_metadata
-from .tags import TAG, Compression, Photometric
+from .tags import CFA_CODES, TAG, Compression, Photometric
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -66,10 +66,6 @@ class DngReader:
         self._size = stream.seek(0, SEEK_END)
         self._main = file.pages.first
 
-    def value(self, tag: int) -> Any:
-        """Value of a tag in the first directory, as tifffile parses it; None when there is none."""
-        return self._main.tags.valueof(tag)
-
     def metadata(self) -> CaptureMetadata:
         """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
         return read_metadata(self._stream)
@@ -94,19 +90,19 @@ class DngReader:
                 return page
         raise damaged("the file has no raw picture")
 
-    def cfa(self) -> tuple[tuple[int, ...], ...] | None:
-        """The CFA codes of one period, row by row; None if the mosaic is stored as a grey picture (LinearRaw)."""
+    def cfa(self) -> tuple[str, ...] | None:
+        """Return the letters of one period of the CFA by rows, "?" for unknown ones; None if the mosaic is grey (LinearRaw)."""
         page = self.raw()
-        match page.photometric:
-            case Photometric.LINEAR_RAW:
-                return None
-            case Photometric.CFA:
-                rows, columns = page.tags.valueof(TAG["CFARepeatPatternDim"])
-                codes = self._stored(page, TAG["CFAPattern"])
-                if len(codes) != rows * columns:
-                    raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
-                return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))
-        raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
+        if page.photometric == Photometric.LINEAR_RAW:
+            return None
+        if page.photometric != Photometric.CFA:
+            raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
+        rows, columns = page.tags.valueof(TAG["CFARepeatPatternDim"])
+        codes, letters = self._stored(page, TAG["CFAPattern"]), {code: letter for letter, code in CFA_CODES.items()}
+        if len(codes) != rows * columns:
+            raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
+        tile = "".join(letters.get(code, "?") for code in codes)
+        return tuple(tile[start : start + columns] for start in range(0, len(tile), columns))
 
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
         """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked before anything is decoded."""
