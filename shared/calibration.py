@@ -7,6 +7,7 @@ pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of every pixel of
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -26,6 +27,7 @@ SCHEMA = 1
 OPTIONAL = "neutral_estimated", "shading", "aberration", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
+_ANY = (-math.inf, math.inf)
 _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
@@ -33,7 +35,9 @@ _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bo
 _GAMMA = (1e-3, 1e3)
 NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _LEAST_RANGE = 16  # codes from black to white
-_MOST_DEFECTS = 1 << 20  # one in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render
+# One in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render.
+_MOST_DEFECTS = 1 << 20
+_LETTERS = re.compile("[A-Z]{2,}")
 
 
 @dataclass(frozen=True)
@@ -146,29 +150,29 @@ class SensorCalibration:
     lights: Lights | None = None
 
     def __post_init__(self) -> None:
-        count = len(self.channels)
-        letters = self.channels
-        if count < 2 or len(set(letters)) != count or not (letters.isascii() and letters.isalpha() and letters.isupper()):
-            raise InputError(f"calibration: channels is {letters!r}, expected two or more different letters A to Z")
-        if PANCHROMATIC in letters:
-            raise InputError(f"calibration: channels is {letters!r}; {PANCHROMATIC} stands for panchromatic")
-        # Only the empty tuple means "default": null, 0 or [] in a document are mistakes.
-        self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count, _GAMMA)
-        self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
-        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))  # JSON takes only int
+        letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
+        if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
+            raise InputError(
+                f"calibration: channels is {letters!r}, expected two or more different letters A to Z; {PANCHROMATIC} stands for "
+                "panchromatic"
+            )
+        self._set("gamma", count, _GAMMA, default=1.0)
+        self._set("black_level", planes, default=4096.0)
+        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))
         black, white = self.black_level, self.white_level
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             raise InputError(
                 f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= black, at least {_LEAST_RANGE} "
                 "codes below white, which is 65535 at most"
             )
-        if self.noise is not None:
-            if len(self.noise.shot) != count + 1:
-                raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
-            for name in ("shot", "read"):
-                _check_range(f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or ")
+        held = {"noise": self.noise.shot if self.noise else None, "shading": self.shading.gain if self.shading else None}
+        for part, values in held.items():
+            if values is not None and len(values) != planes:
+                raise InputError(f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)")
+        for name in ("shot", "read") if self.noise else ():
+            _check_range(f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or ")
         if self.neutral is not None:
-            self._set("neutral", self.neutral, count, COLOUR_RANGE)
+            self._set("neutral", count, COLOUR_RANGE)
         elif self.neutral_estimated:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.lights is not None:
@@ -177,8 +181,6 @@ class SensorCalibration:
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
-        if self.shading is not None and len(self.shading.gain) != count + 1:
-            raise InputError(f"calibration: shading has {len(self.shading.gain)} planes, expected {count + 1} ({letters}W)")
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -288,13 +290,13 @@ class SensorCalibration:
             given["lights"] = tuple(built(CalibratedLight, light, "calibration: lights") for light in lights)
         return cls(**given)
 
-    def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
+    def _set(self, name: str, count: int, limits: tuple[float, float] = _ANY, default: float | None = None) -> None:
+        """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a document are mistakes."""
+        values = getattr(self, name)
+        if default is not None and isinstance(values, tuple) and not values:
+            values = (default,) * count
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
         _check_range(name, getattr(self, name), limits)
-
-
-def _absent(values: Any) -> bool:
-    return isinstance(values, tuple) and not values
 
 
 def _check_range(name: str, values: Iterable[float], limits: tuple[float, float], also: str = "") -> None:

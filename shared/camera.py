@@ -76,10 +76,11 @@ class Camera:
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
         white = known if colours is known and known.knows_white else own
         # A shot of a picture says 1, 1, 1, for pictures are balanced; sensors are not.
-        measured = None if known.lights and white.neutral and len(set(white.neutral)) == 1 else white.neutral
+        of_picture = known.lights and white.neutral and len(set(white.neutral)) == 1
+        measured = None if of_picture else white.neutral
         # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
-        parts = ("noise", "defects", "sensor", "shading", "aberration")
-        kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
+        unknown = {"noise", "defects", "sensor", "shading", "aberration"} - self.measured.keys()
+        kept = {name: getattr(known, name) or getattr(own, name) for name in unknown}
         calibration = replace(
             known,
             **kept,
@@ -134,7 +135,8 @@ class Camera:
         if not isinstance(document, dict):
             raise InputError(f"camera: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
-        pattern, measured, shape = given.pop("pattern", None), given.pop("measured", {}), given.pop("size", None)
+        measured, pattern = given.pop("measured", {}), given.pop("pattern", None)
+        shape = given.pop("size", None)
         if not isinstance(measured, dict):
             raise InputError(f"camera: measured is {shown(measured)}, expected an object")
         known = None if pattern is None else CfaPattern.from_json(pattern)

@@ -40,10 +40,11 @@ _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
-WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *range(7)}) | {  # the GPS fields of place and altitude
-    *(TAG[name] for name in ("LensModel", "Orientation", "ISOSpeedRatings", "ISOSpeed", "DateTime", "DateTimeOriginal", "XMP")),
-    *(TAG[name] for name in ("SubsecTime", "SubsecTimeOriginal", "OffsetTime", "OffsetTimeOriginal", "UniqueCameraModel")),
-}
+_OTHERS = (
+    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime DateTimeOriginal SubsecTimeOriginal "
+    "OffsetTimeOriginal XMP UniqueCameraModel"
+)
+WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *map(TAG.__getitem__, _OTHERS.split()), *range(7)})  # 0 to 6: GPS
 """The tags that `metadata_from` looks at."""
 
 

@@ -11,7 +11,6 @@ MAKER = "Panchroma"
 
 DNG_VERSION = bytes([1, 4, 0, 0])
 DNG_VERSION_OF_ILLUMINANT_DATA = bytes([1, 6, 0, 0])
-DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 
 # The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern, kMaxBlackPattern).
 LONGEST_CFA_PERIOD = 8
@@ -23,7 +22,6 @@ LONGEST_SIDE = 65500
 CFA_CODES = {"R": 0, "G": 1, "B": 2, "C": 3, "M": 4, "Y": 5, PANCHROMATIC: 6}
 
 PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
-PREVIEW_SRGB = 2  # PreviewColorSpace
 
 
 TAG: Any = TIFF.TAGS
