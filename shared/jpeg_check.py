@@ -13,7 +13,8 @@ from .limits import check_count, limit
 
 LOSSLESS = 0xC3
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
-_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # without Huffman tables, extensions, arithmetic conditioning
+# Without Huffman tables, extensions, arithmetic conditioning.
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _SCAN, _END = 0xDA, 0xD9
 _APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
@@ -65,7 +66,8 @@ def read_header(jpeg: bytes) -> JpegHeader:
 
     Raises InputError when it declares no size, and for more segments or filling than any JPEG has.
     """
-    place, frame, scans, segments, filling, marker, applications = 2, None, 0, 0, 0, 0, list[bytes]()
+    place, frame, applications = 2, None, list[bytes]()
+    scans = segments = filling = marker = 0
     while found := _MARKER.search(jpeg, place):
         segments += 1
         filling += 0 if scans else found.start() - place

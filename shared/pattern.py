@@ -134,7 +134,8 @@ class CfaPattern:
             fields = {"origin": (0, 0), "channels": "", **document}
             row, column = (whole("pattern: origin", value) for value in fields["origin"])
             texts = [*fields["tile"], fields["channels"]]
-            if fields.keys() != {"tile", "origin", "channels"} or not all(isinstance(text, str) for text in texts):
+            are_texts = all(isinstance(text, str) for text in texts)
+            if fields.keys() != {"tile", "origin", "channels"} or not are_texts:
                 raise TypeError
         except (TypeError, ValueError, KeyError):
             raise InputError(f"pattern: {shown(document)} is not an object with tile, origin and channels") from None
@@ -246,7 +247,8 @@ class CfaPattern:
     def _check_sites(self) -> None:
         period, tile = self.period, self._tile_planes
         for part in range(PERIODS[0], period):
-            if period % part == 0 and all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1)):
+            repeats = all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1))
+            if period % part == 0 and repeats:
                 smallest = "/".join(row[:part] for row in self.tile[:part])
                 raise InputError(f"pattern: the tile repeats every {part} pixels; give the smallest tile that repeats: {smallest}")
         far = self._colour & ~_spread(~self._colour, _FARTHEST)

@@ -19,7 +19,8 @@ ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
-_LARGEST = 1e4  # control point: those beyond the edges, of which little is seen, may be far from the gain
+# Control points beyond the edges, of which little is seen, may be far from the gain.
+_LARGEST = 1e4
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
@@ -59,8 +60,8 @@ class Shading:
             )
         object.__setattr__(self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist()))
         object.__setattr__(self, "size", size("shading: size", self.size))
-        for name in ("residual", "focal_length"):
-            value: Any = 0 if name == "focal_length" and self.focal_length is None else getattr(self, name)
+        focal_length: Any = 0 if self.focal_length is None else self.focal_length
+        for name, value in {"residual": self.residual, "focal_length": focal_length}.items():
             if isinstance(value, bool) or not (isinstance(value, int | float) and 0 <= value < 1e6):
                 raise InputError(f"shading: {name} is {shown(value)}, expected 0 to a million")
         least, most = self.sketch.min(), self.sketch.max()

@@ -61,7 +61,8 @@ def _directory(structure: Structure, place: int, read: Container[int] | None) ->
     held = 0
     for entry in entries:
         if read is None or entry.tag in read or entry.tag in _TREE:
-            things = "directories" if entry.tag in _TREE else "bytes" if entry.kind in BYTES else "numbers"
+            values = "bytes" if entry.kind in BYTES else "numbers"
+            things = "directories" if entry.tag in _TREE else values
             check_count(entry.length, things, f" in field {entry.tag}")
             held += min(structure.end, entry.size)
         if entry.tag in _TREE and entry.kind in _OFFSETS:

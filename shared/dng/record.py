@@ -5,7 +5,7 @@ The record names the samples it belongs to, by their size and digest. So neither
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..calibration import OPTIONAL, SensorCalibration
@@ -17,6 +17,7 @@ from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
+_ODD = ValueError, AttributeError, KeyError, TypeError  # of a document of another form; ValueError: no UTF-8
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 
@@ -52,12 +53,14 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "shape": mosaic.shape,
         "samples": samples.hex(),
         "preview": preview_digest(preview),
-        "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
-        **{name: calibration.pop(name) for name in OPTIONAL if name in calibration},  # they stand beside the calibration
+        "pattern": {**asdict(pattern), "period": pattern.period},
+        # They stand beside the calibration.
+        **{name: calibration.pop(name) for name in OPTIONAL if name in calibration},
         "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
     }
-    return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode(errors="backslashreplace")
+    document["digest"] = _digest(document)
+    return RECORD_ID + json.dumps(document, ensure_ascii=False).encode(errors="backslashreplace")
 
 
 def record_id(record: bytes) -> str:
@@ -72,29 +75,26 @@ def is_record(data: bytes) -> bool:
 
 def decode_record(data: bytes) -> Record:
     """The content of a record. Raises InputError when it has changed, or a newer Panchroma wrote it."""
+    changed = damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
     try:
         document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
-        whole = digest == _digest(document)
-    except (InputError, ValueError, AttributeError, KeyError, TypeError):  # ValueError: text that is no UTF-8
-        whole = False
-    if not whole:
-        raise _changed()
+        if digest != _digest(document):
+            raise changed
+    except (InputError, *_ODD):
+        raise changed from None
     if (schema := document.get("schema")) != SCHEMA:
         raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
     try:
-        pattern = CfaPattern.from_json({name: value for name, value in document["pattern"].items() if name != "period"})
-        calibration = {**document["calibration"], **{name: document[name] for name in document.keys() & OPTIONAL}}
-        shape, samples, preview = size("shape", document["shape"]), document["samples"], document["preview"]
-        if not (isinstance(samples, str) and isinstance(preview, str)):
+        document["pattern"].pop("period", None)
+        pattern = CfaPattern.from_json(document["pattern"])
+        calibration = document["calibration"] | {name: document[name] for name in document.keys() & OPTIONAL}
+        shape, digests = size("shape", document["shape"]), (document["samples"], document["preview"])
+        if not all(isinstance(text, str) for text in digests):
             raise TypeError
-    except (ValueError, AttributeError, KeyError, TypeError):  # the digest is right, but no version of ours wrote this
-        raise _changed() from None
-    return Record(pattern, SensorCalibration.from_json(calibration), digest, shape, samples, preview)
-
-
-def _changed() -> InputError:
-    return damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
+    except _ODD:  # the digest is right, but no version of ours wrote this
+        raise changed from None
+    return Record(pattern, SensorCalibration.from_json(calibration), digest, shape, *digests)
 
 
 def preview_digest(jpeg: bytes) -> str:
