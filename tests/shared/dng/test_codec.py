@@ -1,3 +1,4 @@
+import json
 from io import BytesIO
 from typing import Any
 
@@ -8,7 +9,7 @@ from tifffile import TiffFile, TiffPage
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.calibration import BITS
 from shared.colorimetry import D50
-from shared.dng import decode_dng, encode_dng
+from shared.dng import decode_dng, encode_dng, record
 from shared.dng.container import raw_digest
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.errors import InputError
@@ -167,21 +168,39 @@ def test_digest_is_adobes() -> None:
 
 def test_record_is_named_and_survives_padding() -> None:
     original = mosaic()
-    record = encode_record(original, b"digest", b"preview")
-    assert record.startswith(RECORD_ID)
+    data = encode_record(original, b"digest", b"preview")
+    assert data.startswith(RECORD_ID)
     assert RECORD_ID.startswith(b"Panchroma")
     assert RECORD_ID.endswith(b"\0")
-    found = decode_record(record)
+    found = decode_record(data)
     assert (found.pattern, found.calibration, found.shape) == (original.pattern, original.calibration, original.shape)
-    assert decode_record(record + b"\0") == found  # exiftool pads
-    assert original.calibration.id.encode() in record
+    assert decode_record(data + b"\0") == found  # exiftool pads
+    assert original.calibration.id.encode() in data
 
 
 def test_record_tells_any_change() -> None:
-    record = encode_record(mosaic(), b"digest", b"preview")
-    for changed in (record.replace(b'"W', b'"G'), record[:-1], *(RECORD_ID + other for other in (b"", b"[1]", b"{}", b"\xff"))):
+    data = encode_record(mosaic(), b"digest", b"preview")
+    for changed in (data.replace(b'"W', b'"G'), data[:-1], *(RECORD_ID + other for other in (b"", b"[1]", b"{}", b"\xff"))):
         with pytest.raises(InputError, match="damaged: the record"):
             decode_record(changed)
+
+
+def test_a_record_whose_digest_is_right_may_still_be_wrong() -> None:
+    document = json.loads(encode_record(mosaic(), b"1", b"2")[len(RECORD_ID) :])
+    del document["digest"]
+    for name, value in (
+        ("shape", ["a", "b"]),
+        ("schema", 2),
+        ("samples", 7),
+        ("pattern", {"tile": [1], "origin": [0, 0], "channels": "RGB"}),
+        ("pattern", {**document["pattern"], "origin": [10**400, 0]}),
+        ("calibration", {**document["calibration"], "gamma": [10**400, 1, 1]}),
+        ("shading", {"gain": [[["1"] * 4] * 4] * 4, "size": [24, 24]}),
+    ):
+        changed = {**document, name: value}
+        data = RECORD_ID + json.dumps({**changed, "digest": record._digest(changed)}).encode()
+        with pytest.raises(InputError):
+            decode_record(data)
 
 
 def test_two_patterns_that_disagree_are_both_named() -> None:

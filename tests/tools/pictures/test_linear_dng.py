@@ -3,7 +3,6 @@
 import struct
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -92,20 +91,9 @@ def test_colour_tags() -> None:
     np.testing.assert_allclose(np.array(neutral[::2]) / np.array(neutral[1::2]), NEUTRAL, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"rgb": np.full((4, 4, 3), np.nan, np.float32)}, "not finite"),
-        ({"camera_to_xyz": np.ones((3, 3))}, "with an inverse"),
-        ({"camera_to_xyz": np.eye(4)}, "with an inverse"),
-        ({"camera_to_xyz": np.full((3, 3), np.nan)}, "with an inverse"),
-        ({"neutral": [1.0, 0.0, 1.0]}, "three positive readings"),
-        ({"neutral": [1.0, 1.0]}, "three positive readings"),
-    ],
-)
-def test_nonsense_is_refused(change: dict[str, Any], reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
-        picture_dng(**{"rgb": patches(), **change})
+def test_a_picture_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(InputError, match="not finite"):
+        picture_dng(np.full((4, 4, 3), np.nan, np.float32))
 
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
