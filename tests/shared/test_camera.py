@@ -17,6 +17,7 @@ CALIBRATION = SensorCalibration(
     defects=((1, 2),),
     sensor="bench",
 )
+TILE = {"tile": ["RGW", "GBW", "WWW"]}
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
 
 
@@ -29,15 +30,8 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(CAMERA.to_json()))
     assert read_camera(path) == CAMERA
-
-
-def test_a_calibration_by_hand_is_a_camera_file_too() -> None:
+    assert CAMERA.calibration.camera == replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
     assert Camera.from_json({"schema": 1, "gamma": [1, 2, 3]}).calibration.gamma == (1.0, 2.0, 3.0)
-
-
-def test_calibration_remembers_the_file() -> None:
-    assert CAMERA.calibration.camera == CALIBRATION.id
-    assert replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
 
 
 @pytest.mark.parametrize(
@@ -45,10 +39,11 @@ def test_calibration_remembers_the_file() -> None:
     [
         ({"pattern": 7}, "pattern: 7 is not an object with tile, origin and channels"),
         ({"pattern": {"tile": 3}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0]}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "size": 1}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {**TILE, "origin": [0]}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {**TILE, "origin": [0, 0.5]}}, "pattern: origin is 0.5, expected a whole number"),
+        ({"pattern": {**TILE, "size": 1}}, "pattern: .* is not an object with tile"),
         ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "XYZ.*RGB"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0, 0.5]}}, "pattern: origin is 0.5, expected a whole number"),
+        ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
         ({"measured": []}, "measured"),
         ({"measured": {"taste": {}}}, "unknown part 'taste'"),
         ({"measured": {"gamma": 1}}, "measured.gamma"),

@@ -144,9 +144,7 @@ def test_json_and_back() -> None:
         ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
         ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
         ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
-        ([one, {**other, "camera_to_xyz": [[0, 0, 0]] * 3}], "camera_to_xyz"),
-        ([one, {"illuminant": "D65"}], "lights is .*, expected an object with illuminant, camera_to_xyz, neutral"),
-        (7, "lights is .*, expected an object with illuminant, camera_to_xyz, neutral"),
+        *((lights, "lights is .*, expected an object with illuminant, camera") for lights in (7, [one, {"illuminant": "D65"}])),
     )
     for lights, why in wrong:
         with pytest.raises(InputError, match=why):

@@ -22,16 +22,6 @@ def codes() -> Any:
     return np.random.default_rng(1).integers(0, 4096, SHAPE, np.uint16)
 
 
-def test_codes_become_scene_units_by_plane() -> None:
-    mosaic = Mosaic(codes(), PATTERN, CALIBRATION)
-    assert mosaic.shape == SHAPE
-    assert mosaic.signal.dtype == np.float32
-    for row, column in np.ndindex(SHAPE):
-        black = CALIBRATION.black_level["RGBW".index(geometry.letter(PATTERN, row, column))]
-        expected = (int(mosaic.samples[row, column]) - black) / (3900 - black) * 3.0
-        assert mosaic.signal[row, column] == pytest.approx(expected, rel=1e-6, abs=1e-7)
-
-
 def test_black_reads_zero_and_white_full_scale_exactly() -> None:
     calibration = SensorCalibration.of_bits(12)
     for code, value in ((calibration.black_level[0], 0.0), (calibration.white_level, 3.0)):
@@ -60,7 +50,7 @@ def test_quantisation_rounds_to_the_nearest_and_stays_within_the_code_range() ->
         assert Mosaic(values, PATTERN, CALIBRATION).codes[place] == code
 
 
-def test_quantisation_knows_every_planes_levels_wherever_the_frame_begins() -> None:
+def test_every_plane_has_its_own_levels_wherever_the_frame_begins() -> None:
     """Against the definition in double precision, every phase of the pattern; no value lies near the middle of two codes."""
     calibration = SensorCalibration(gamma=(0.8, 1.0, 1.2), black_level=(900.0, 1000.0, 1100.0, 1200.0), white_level=60000)
     for origin in np.ndindex(4, 4):
@@ -70,7 +60,10 @@ def test_quantisation_knows_every_planes_levels_wherever_the_frame_begins() -> N
         for place in np.ndindex(SHAPE):
             black = calibration.black_level["RGBW".index(geometry.letter(pattern, *place))]
             values[place] = (steps[place] - black) / (60000 - black) * 3.0
-        assert np.array_equal(Mosaic(values.astype(np.float32), pattern, calibration).codes, np.floor(steps))
+        codes = np.floor(steps).astype(np.uint16)
+        assert np.array_equal(Mosaic(values.astype(np.float32), pattern, calibration).codes, codes)
+        offset = 0.3 / (60000 - 900) * 3.0
+        np.testing.assert_allclose(Mosaic(codes, pattern, calibration).signal, values, atol=1.1 * offset)
 
 
 @pytest.mark.parametrize("floating", [False, True])
