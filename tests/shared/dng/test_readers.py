@@ -11,7 +11,7 @@ import rawpy
 from PIL import Image
 from tifffile import TiffFile
 
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import CfaPattern, Mosaic
 from shared.dng import encode_dng, read_dng, read_preview, write_dng
 from shared.lights import CalibratedLight
 from tests.exiftool import exiftool
@@ -21,18 +21,18 @@ LIGHTS = (
     CalibratedLight("A", ((0.7, 0.2, 0.1), (0.2, 0.9, -0.1), (0.0, -0.3, 2.1)), (1.0, 0.9, 0.5)),
     CalibratedLight("D65", ((1.2, 0.2, 0.1), (0.4, 0.9, -0.2), (0.0, -0.2, 1.1)), (0.6, 0.9, 1.0)),
 )
+YELLOW = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0))
 CASES = [
     mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))),
     mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)),
     mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)),
-    mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=SensorCalibration.of_bits(12).black_level)),
+    mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=(256.0,) * 4)),
     mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))),
     mosaic(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)), (45, 33)),
     mosaic(CfaPattern.bayer(6), (40, 52), calibration(camera_to_xyz=None, lights=LIGHTS)),
-    mosaic(CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0)), (33, 40), calibration("YCM", camera_to_xyz=None)),
-    mosaic(CfaPattern.of_letters("RWWWW/WBWWW/WWWWW/WWWWW/WWWWW")),
-    mosaic(CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW", (2, 2)), (50, 61)),
-    mosaic(CfaPattern((*["RWGWBWGWBW", "WGWRWBWRWG"] * 4, "RWGWBWGWBW", "WBWRWGWRWB"))),
+    mosaic(YELLOW, (33, 40), calibration("YCM", camera_to_xyz=None)),
+    mosaic(CfaPattern.with_block(("RW", "WB"), 5)),
+    mosaic(CfaPattern.with_block(("ABCD", "EFGH"), 5, (2, 2)), (50, 61)),
 ]
 
 
