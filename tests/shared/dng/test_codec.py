@@ -42,7 +42,7 @@ def assert_survives(original: Mosaic) -> None:
         *(mosaic(shape=shape) for shape in ((6, 6), (7, 301), (300, 13), (257, 256))),
         mosaic(calibrated=calibration(black_level=(3.0,) * 4, white_level=200)),  # 8 bits
         mosaic(calibrated=calibration(neutral=(0.5,) * 3, neutral_estimated=True)),
-        Mosaic(mosaic(CfaPattern.bayer(5)).samples, CfaPattern.bayer(5), SensorCalibration()),  # and no metadata
+        Mosaic(mosaic().samples, CfaPattern.bayer(6), SensorCalibration()),  # and no metadata
     ],
 )
 def test_every_mosaic_survives(original: Mosaic) -> None:
@@ -68,8 +68,9 @@ def test_colours_are_stated_in_the_order_of_the_channels_or_the_picture_is_grey(
     if planes:
         assert list(raw[50710]) == planes
         codes = dict(zip(pattern.planes, planes, strict=True))
-        assert list(raw[33422]) == [codes[letter] for row in pattern.letters_from() for letter in row]
-        assert raw[51041][0] == pytest.approx(original.calibration.noise.shot[0] / original.calibration.full_scale)
+        assert list(raw[33422]) == [codes[letter] for letter in "".join(pattern.letters_from())]
+        known = original.calibration
+        assert raw[51041][0] == pytest.approx(known.noise.shot[0] / known.full_scale)
         assert (len(main[50721]), len(main[50728])) == (2 * 12, 2 * 4)
 
 
@@ -114,7 +115,7 @@ def test_directories_are_laid_out_as_dng_wants() -> None:
     assert main[50708] == "Panchroma Pr?fling 7"
     assert raw[33421] == (6, 6)
     shown = np.frombuffer(raw[33422], np.uint8).reshape(6, 6)
-    coloured = {(row, column): shown[row, column] for row, column in np.argwhere(shown != 6).tolist()}
+    coloured = {place: code for place, code in np.ndenumerate(shown) if code != 6}
     assert coloured == {(2, 5): 0, (2, 0): 1, (3, 5): 1, (3, 0): 2}
 
 
@@ -144,7 +145,8 @@ def test_noise_profile_is_that_of_normalised_samples() -> None:
         assert told == pytest.approx(calibrated.noise.sigma(signal, plane), rel=1e-12)
     grey = pages(encode_dng(mosaic(CfaPattern.bayer(9), calibrated=calibrated), preview()))[1]
     assert tuple(grey[51041]) == tuple(profile[-1])
-    assert min(pages(encode_dng(mosaic(calibrated=calibration(noise=NoiseModel.gaussian(0.01, 4))), preview()))[1][51041]) > 0
+    gaussian = mosaic(calibrated=calibration(noise=NoiseModel.gaussian(0.01, 4)))
+    assert min(pages(encode_dng(gaussian, preview()))[1][51041]) > 0
 
 
 def test_digest_is_adobes() -> None:
@@ -162,14 +164,16 @@ def test_record_is_named_and_survives_padding() -> None:
     assert RECORD_ID.startswith(b"Panchroma")
     assert RECORD_ID.endswith(b"\0")
     found = decode_record(data)
-    assert (found.pattern, found.calibration, found.shape) == (original.pattern, original.calibration, original.shape)
+    assert (found.pattern, found.calibration) == (original.pattern, original.calibration)
+    assert found.shape == original.shape
     assert decode_record(data + b"\0") == found  # exiftool pads
     assert original.calibration.id.encode() in data
 
 
 def test_record_tells_any_change() -> None:
     data = encode_record(mosaic(), b"digest", b"preview")
-    for changed in (data.replace(b'"W', b'"G'), data[:-1], *(RECORD_ID + other for other in (b"", b"[1]", b"{}", b"\xff"))):
+    others = (RECORD_ID + other for other in (b"", b"[1]", b"{}", b"\xff"))
+    for changed in (data.replace(b'"W', b'"G'), data[:-1], *others):
         with pytest.raises(InputError, match="damaged: the record"):
             decode_record(changed)
 
@@ -196,5 +200,5 @@ def test_two_patterns_that_disagree_are_both_named() -> None:
     data = encode_dng(mosaic(CfaPattern.bayer(3)), preview())
     tile = bytes([0, 1, 6, 1, 2, 6, 6, 6, 6])
     assert data.count(tile) == 1
-    with pytest.raises(InputError, match=r"CFAPattern says RBW GGW WWW.*DNGPrivateData says RGW GBW WWW"):
+    with pytest.raises(InputError, match=r"says RBW GGW WWW.*DNGPrivateData says RGW GBW WWW"):
         decode_dng(data.replace(tile, bytes([0, 2, 6, 1, 1, 6, 6, 6, 6])))
