@@ -90,7 +90,7 @@ class NoiseModel:
         return shot * signal.clip(0) + read**2
 
     def in_units_of(self, unit: float) -> "NoiseModel":
-        """The same noise, where samples are said in units of `unit` scene units, > 0."""
+        """Return the noise of samples in units of `unit` scene units, > 0."""
         return NoiseModel(tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read))
 
     def possible(self) -> "NoiseModel":
@@ -101,7 +101,7 @@ class NoiseModel:
 
     @property
     def of_colours(self) -> bool:
-        """Whether the samples of any channel have noise."""
+        """True if the samples of any channel have noise."""
         return any(self.shot[:-1] + self.read[:-1])
 
 
@@ -209,7 +209,7 @@ class SensorCalibration:
 
     @property
     def knows_white(self) -> bool:
-        """Whether it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
+        """True if it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
         return self.neutral is not None or (self.camera_to_xyz is not None and self.lights is None)
 
     @property
@@ -238,7 +238,7 @@ class SensorCalibration:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def without_estimates(self) -> "SensorCalibration":
-        """What was measured or set: without a neutral that is only an estimate from one picture."""
+        """Return the calibration without a neutral that is only an estimate from one picture."""
         return replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
 
     def scale(self) -> DoubleArray:

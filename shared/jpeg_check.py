@@ -44,7 +44,7 @@ class JpegHeader:
     applications: tuple[bytes, ...]
 
     def held(self, prefix: bytes) -> list[bytes]:
-        """What the segments that begin with `prefix` hold behind it."""
+        """Return the contents of the segments that begin with `prefix`, without it."""
         return [segment.removeprefix(prefix) for segment in self.applications if segment.startswith(prefix)]
 
     @property

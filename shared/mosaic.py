@@ -110,7 +110,7 @@ class Mosaic:
         return codes
 
     def calibrated(self, calibration: SensorCalibration) -> "Mosaic":
-        """The same samples with another calibration of as many bits, for which they need not be read again. Raises InputError."""
+        """Return these samples with another calibration; of as many bits they need not be checked again. Raises InputError."""
         if calibration.bits != self.calibration.bits:
             return replace(self, calibration=calibration)
         result = copy(self)
@@ -119,7 +119,7 @@ class Mosaic:
         return result
 
     def in_scene_units(self) -> "Mosaic":
-        """The same mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
+        """Return the mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
         return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
 
     def evenly_shaded(self) -> "Mosaic":

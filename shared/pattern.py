@@ -143,7 +143,7 @@ class CfaPattern:
 
     @property
     def name(self) -> str:
-        """What people call the tile, wherever it begins: a name in `shared.tiles`; "" if it has none."""
+        """Name of the tile, wherever it begins, from `shared.tiles`; "" if it has none."""
         return name_of(self.tile)
 
     @property
@@ -158,7 +158,7 @@ class CfaPattern:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """Whether the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
+        """True if the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
         return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
 
     @cached_property
@@ -237,7 +237,7 @@ class CfaPattern:
 
     @property
     def _is_connected(self) -> bool:
-        """Whether the colour sites of a tile hang together, also diagonally and across the edge of the tile."""
+        """True if the colour sites of a tile are connected, also diagonally and across the edge of the tile."""
         reached = np.zeros_like(self._colour)
         reached[tuple(np.argwhere(self._colour)[0])] = True
         for _ in range(int(self._colour.sum())):  # each step reaches the neighbours

@@ -30,7 +30,7 @@ def normalised(neutral: DoubleArray) -> tuple[float, ...]:
 
 
 def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float, ...] | None:
-    """What white reads, estimated from linear colours by the shades-of-grey method; None if too few are well exposed.
+    """Estimate what white reads from linear colours by the shades-of-grey method; None if too few are well exposed.
 
     colours: (..., C), scene units.
     full_scale: reading at which a channel clips, scene units.
@@ -50,7 +50,7 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
 
 
 def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
-    """What white reads in a mosaic, largest channel 1, estimated from its colour blocks; None if it is too dark or too bright.
+    """Estimate what white reads in a mosaic, largest channel 1, from its colour blocks; None if it is too dark or too bright.
 
     The same for every number of threads and every way of cutting the work into pieces: it sees the whole frame.
     """
@@ -82,7 +82,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
 
 
 def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
-    """How far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
+    """Return how far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 

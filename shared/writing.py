@@ -252,7 +252,7 @@ def _move(part: Path, path: Path, overwrite: bool) -> None:
 
 
 def dangling_link(path: Path) -> str:
-    """What to say of a link that leads nowhere, in the place of a result."""
+    """Return what to say of a link that leads nowhere, in the place of a result."""
     return f"is a link to {path.readlink()}, which is not there; remove the link"
 
 

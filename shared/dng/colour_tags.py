@@ -12,7 +12,7 @@ from ..tiff import Fields, FieldType
 from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
 
 _MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
-"""What a filter reads, from red, green and blue: the nominal one, and all that DNG has codes for."""
+"""Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
 _TAGS = (
     (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"], TAG["IlluminantData1"]),
     (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"], TAG["IlluminantData2"]),
@@ -21,7 +21,7 @@ _PARTS = 1_000_000  # denominator of chromaticities
 
 
 def has_colours(channels: str) -> bool:
-    """Whether DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
+    """Return True if DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
 
     With more, or with two, beside the panchromatic plane readers of DNG find no way from camera to colours.
     """

@@ -69,7 +69,7 @@ def record_id(record: bytes) -> str:
 
 
 def is_record(data: bytes) -> bool:
-    """Whether DNGPrivateData was written by `encode_record`."""
+    """Return True if DNGPrivateData was written by `encode_record`."""
     return data.startswith(RECORD_ID)
 
 
