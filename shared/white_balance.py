@@ -82,7 +82,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
 
 
 def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
-    """Return how far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
+    """Return the degree to which each reading is clipped: 0 up to (1 - shoulder) * clipping, 1 from the limit `clipping` on."""
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
