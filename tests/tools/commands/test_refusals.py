@@ -200,7 +200,6 @@ NO_SHOTS = {
 FILES = {
     "simulate builtin:24x18 -o out": {
         "--burst 3 --motion 2": "nothing is left; take a larger picture",
-        "--period 9 --layout cfa --truth": 'out/builtin-24x18.dng: the layout "cfa" cannot hold this pattern',
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
     **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),

@@ -15,11 +15,11 @@ import pytest
 import offline
 import panchroma
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
-from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.camera.lens import lens_shading
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
+from tools.scenes.colour import decode_srgb
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)

@@ -9,9 +9,9 @@ import numpy as np
 
 from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.display import ColourTransform
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
+from tools.pictures.display import ColourTransform
 from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.display import checked_picture
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
+from tools.pictures.display import checked_picture
 
 from .arguments import checked
 from .pictures import Picture, light_of
