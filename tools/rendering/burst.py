@@ -11,7 +11,6 @@ from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
 from tools.host.jobs import Job
 from tools.host.progress import Note
-from tools.pictures.display import ColourTransform
 
 from .burst_files import BurstFile, leave_odd_ones_out
 from .checks import check_memory
