@@ -1,8 +1,6 @@
-"""The colour sites of all whole blocks of a frame, what they read, and the panchromatic samples around the blocks.
+"""The colour sites of all whole blocks of a frame, what they read, and the panchromatic samples around the blocks."""
 
-Luminance around the blocks.
-"""
-
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,8 +14,6 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 
-from .numerics.arrays import Bools2, Doubles2, Doubles3, Frozen2, Ints1, Ints2, Pair
-from .numerics.compile import Pieces, kernel, parallel_kernel
 from .numerics.pieces import BLOCK_ROWS, in_strips
 
 _WIDEST = 4  # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
@@ -83,11 +79,11 @@ class Sites:
         down, across = self.pattern.block_shape
         return float(self.grid.whole_rows[0]) + (down - 1) / 2, float(self.grid.whole_columns[0]) + (across - 1) / 2
 
-    @property
-    def neighbours(self) -> int:
-        """Number of panchromatic samples around a block."""
+    @cached_property
+    def ring(self) -> IndexArray:
+        """Panchromatic pixels in and next to a block: row and column from the block's first pixel, (R, 2)."""
         (top, left), (down, across) = self.pattern.block_origin, self.pattern.block_shape
-        return int(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)).sum())
+        return np.argwhere(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1))) - 1
 
     def of(self, plane: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
         """The values of a plane, (H, W), at all sites, (*B, S). dtype: of the result; None = that of the plane."""
@@ -108,13 +104,35 @@ class Sites:
         return blocks[self.grid.whole]
 
     def surroundings(self, signal: FloatArray) -> "Surroundings":
-        """What the panchromatic samples of a plane, (H, W), are around each block."""
-        shape, places = (*self.shape, len(self.pattern.sites)), np.array(self.pattern.sites, np.intp)[:, :2]
-        light, lowest, highest = np.empty(shape), np.empty(self.shape), np.empty(self.shape)
-        origins = self.grid.whole_rows, self.grid.whole_columns
-        places = np.ascontiguousarray(places)
-        surroundings(signal, tile(self.pattern), *origins, self.pattern.block_shape, places, light, lowest, highest)
+        """Interpolate luminance at the sites from the panchromatic samples of a plane, (H, W), in and next to each block.
+
+        At a site it is the mean of these samples, weighted by 1 / distance^2; 0 without samples.
+        """
+        near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)  # (S, R)
+        light, lowest, highest = np.empty((*self.shape, len(near))), np.empty(self.shape), np.empty(self.shape)
+
+        def work(rows: slice) -> None:
+            values = np.stack(list(self.beside(signal, rows, self.ring.tolist())))
+            inside = ~np.isnan(values)
+            lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
+            weight = np.einsum("sr,rij->ijs", near, inside)
+            light[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(weight > 0, weight, 1)
+
+        in_strips(work, self.shape[0], BLOCK_ROWS)
         return Surroundings(light, lowest, highest)
+
+    def beside(self, plane: FloatArray, rows: slice, steps: Iterable[tuple[int, int]]) -> Iterator[FloatArray]:
+        """For each step, yield the values of a plane, (H, W), so far (down, right) of the first pixels of these rows of blocks.
+
+        steps: from -1 to the size of a block. The values outside the frame are NaN; views, (rows, columns of blocks).
+        """
+        (top, left), period = (int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])), self.grid.period
+        down, across = ((count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1]))
+        first = max(top - 1, 0)
+        near = np.pad(plane[first : top + down + period], ((top == 0, period), (left == 0, period)), constant_values=np.nan)
+        for row, column in steps:
+            y, x = row + top - first + (top == 0), column + left + (left == 0)
+            yield near[y : y + down : period, x : x + across : period]
 
     def _every(self, places: IndexArray) -> slice:
         """The slice that selects `places`, which are one period apart."""
@@ -176,14 +194,9 @@ def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: Noise
     """
     shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
     squares = (gamma / np.bincount(sites.channels))[sites.channels] ** 2
-    per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / sites.neighbours
-    fixed = squares @ variance[sites.channels] + variance[-1] / sites.neighbours
+    per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
+    fixed = squares @ variance[sites.channels] + variance[-1] / len(sites.ring)
     return np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)
-
-
-def tile(pattern: CfaPattern) -> BoolArray:
-    """Which pixels are panchromatic, bool (K, K), from the frame's corner on."""
-    return np.ascontiguousarray(pattern.panchromatic_mask((pattern.period, pattern.period)))
 
 
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
@@ -206,61 +219,3 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
             pair += luminance[np.ix_(*there)] / 2
         found = np.maximum(found, np.abs(pair - here))
     return found
-
-
-@parallel_kernel()
-def surroundings(
-    pieces: Pieces,
-    signal: Frozen2,
-    panchromatic: Bools2,
-    rows: Ints1,
-    columns: Ints1,
-    extent: Pair,
-    sites: Ints2,
-    light: Doubles3,
-    lowest: Doubles2,
-    highest: Doubles2,
-) -> None:
-    """Interpolate luminance at the colour sites of blocks from the panchromatic samples around each block.
-
-    signal: (H, W), scene units.
-    panchromatic: bool (K, K), the pattern from the frame's corner on.
-    rows, columns: the blocks' first rows, and first columns.
-    extent: (rows, columns) of a block.
-    sites: (S, 2), row and column of each site in a block.
-    light: (blocks down, blocks across, S), written: means weighted by one over the squared distance; 0 without samples.
-    lowest, highest: (blocks down, blocks across), written: the range of the samples.
-    """
-    weights = _weights(panchromatic, rows[0], columns[0], extent, sites)
-    for i in range(pieces[0], pieces[1]):
-        total, weight = np.empty(len(sites)), np.empty(len(sites))
-        top, bottom = max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])
-        for j in range(len(columns)):
-            left, right = max(columns[j] - 1, 0), min(columns[j] + extent[1] + 1, signal.shape[1])
-            low, high = np.inf, -np.inf
-            total[:], weight[:] = 0.0, 0.0
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    near = weights[y - rows[i] + 1, x - columns[j] + 1]
-                    if near[0] > 0.0:
-                        value = signal[y, x]
-                        low, high = min(low, value), max(high, value)
-                        for site in range(len(sites)):
-                            total[site] += near[site] * value
-                            weight[site] += near[site]
-            for site in range(len(sites)):
-                light[i, j, site] = total[site] / weight[site] if weight[site] > 0.0 else 0.0
-            lowest[i, j], highest[i, j] = low, high
-
-
-@kernel
-def _weights(panchromatic: Bools2, row: int, column: int, extent: Pair, sites: Ints2) -> Doubles3:
-    """One over the squared distance between each pixel of a block with its surroundings and each site; 0 at colour sites."""
-    period = len(panchromatic)
-    weights = np.zeros((extent[0] + 2, extent[1] + 2, len(sites)))
-    for y in range(-1, extent[0] + 1):
-        for x in range(-1, extent[1] + 1):
-            if panchromatic[(row + y) % period, (column + x) % period]:
-                for site in range(len(sites)):
-                    weights[y + 1, x + 1, site] = 1.0 / ((y - sites[site, 0]) ** 2 + (x - sites[site, 1]) ** 2)
-    return weights

@@ -22,7 +22,6 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 from shared.white_balance import clipped_share, raised_to_white
 
-from ..blocks import tile
 from ..cleaned import Cleaned
 from ..numerics.arrays import Bools2, Doubles1, Floats2, Frozen2
 from ..numerics.compile import Pieces, parallel_kernel
