@@ -153,7 +153,7 @@ class Surroundings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BlockSums:
-    """The sums of Eqs. 8-9 of each whole block for each channel, float64 (rows, columns, C); those of several frames add up.
+    """The sums of Eqs. 8-9 of each whole block for each channel, (rows, columns, C); those of several frames add up.
 
     weight: sum l^2 over the sites of the channel. product: sum l m.
     """
@@ -171,10 +171,10 @@ class BlockSums:
         gamma: (C,), the weights of Eq. 7.
         expected: what they are pulled towards, as the result; None = grey, as in the paper.
         """
-        found = np.empty_like(self.weight)
+        found = np.empty(self.weight.shape)
 
         def work(rows: slice) -> None:
-            a = self.weight[rows] + sigma**2
+            a = self.weight[rows].astype(np.float64) + sigma**2
             towards = sigma**2 / gamma.sum() if expected is None else sigma**2 * expected[rows]
             free = (self.product[rows] + towards) / a  # Eqs. 8-9 without the constraint
             pull = gamma / a

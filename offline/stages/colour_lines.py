@@ -46,7 +46,7 @@ from .correction import FILLED
 class LineSettings(Switch):
     """Colour as a linear function of luminance, where that explains the samples (see `stages.colour_lines`); not in the paper."""
 
-    kernels = "surroundings", "smooth"
+    kernels = ("smooth",)
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).

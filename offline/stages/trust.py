@@ -27,7 +27,7 @@ class TrustSettings(Switch):
         its neighbours, > 0.
     """
 
-    kernels = "surroundings", "smooth"
+    kernels = ("smooth",)
     tolerance: Positive = 0.4
 
 
