@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
 from shared.block_grid import BlockGrid
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
@@ -164,7 +164,7 @@ class BlockSums:
     def __add__(self, other: "BlockSums") -> "BlockSums":
         return BlockSums(self.weight + other.weight, self.product + other.product)
 
-    def solved(self, sigma: float, gamma: DoubleArray, expected: DoubleArray | None = None) -> DoubleArray:
+    def solved(self, sigma: float, gamma: DoubleArray, expected: FloatArray | None = None) -> DoubleArray:
         """Chromaticities, (rows, columns, C): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a multiplier.
 
         sigma: sigma_z > 0, in the units of l.

@@ -27,6 +27,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
@@ -108,47 +109,85 @@ def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> 
 
     bad: bool (H, W), samples known to be bad, which are no neighbours.
     """
-    outliers, halo = np.zeros_like(bad), max(frame.mosaic.pattern.period, 2) + 1
+    outliers = np.zeros_like(bad)
 
     def work(rows: slice) -> None:
-        luminance, coloured = _bounds(frame, bad, rows, halo)
-        row, column = np.nonzero(_candidates(frame, settings, luminance, coloured, halo))
-        if len(row):
-            outliers[row + rows.start, column] = _stand_out(frame, settings, luminance, coloured, (row + halo, column + halo))
+        outliers[rows] = _Strip.of(frame, settings, bad, rows).outliers()
 
     in_strips(work, len(bad), _ROWS)
     return outliers
 
 
-def _bounds(frame: Cleaned, bad: BoolArray, rows: slice, halo: int) -> tuple[FloatArray, BoolArray]:
-    """Luminance, or a lower bound of it where a sample is coloured, in some rows and a halo; NaN where it is bad or outside.
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next tile, can be seen.
 
-    Returns it, and which samples are coloured, (halo + rows + halo, halo + W + halo) each.
+    luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN = bad, or outside the frame.
+    coloured: bool, as `luminance`.
     """
-    (height, width), first = bad.shape, rows.start - halo
-    filters = frame.mosaic.pattern.filter_map((rows.stop - rows.start + 2 * halo, width + 2 * halo), (first, -halo))
-    gains = np.append(frame.gamma, 1).astype(np.float32)
-    luminance, inside = np.full(filters.shape, np.nan, np.float32), slice(max(first, 0), min(rows.stop + halo, height))
-    place = np.s_[inside.start - first : inside.stop - first, halo : halo + width]
-    np.multiply(frame.signal[inside], gains[filters[place]], out=luminance[place], where=~bad[inside])
-    return luminance, filters < len(frame.gamma)
 
+    frame: Cleaned
+    settings: DefectsSettings
+    luminance: FloatArray
+    coloured: BoolArray
+    halo: int
 
-def _noise(frame: Cleaned, settings: DefectsSettings, luminance: FloatArray) -> FloatArray:
-    """Difference of panchromatic samples of some luminance that noise explains."""
-    if frame.noise is None:
-        return np.zeros_like(luminance)
-    return np.float32(settings.deviations) * np.sqrt(frame.noise.variance(luminance))
+    @classmethod
+    def of(cls, frame: Cleaned, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
+        """Rows of a frame. bad: bool (H, W)."""
+        (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
+        first, within = rows.start - halo, slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
+        filters = frame.mosaic.pattern.filter_map((rows.stop + halo - first, width + 2 * halo), (first, -halo))
+        place = np.s_[within.start - first : within.stop - first, halo : halo + width]
+        luminance, gains = np.full(filters.shape, np.nan, np.float32), np.append(frame.gamma, 1).astype(np.float32)
+        np.multiply(frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within])
+        return cls(frame, settings, luminance, filters < len(frame.gamma), halo)
 
+    def outliers(self) -> BoolArray:
+        """The outliers among its rows, bool (rows, W)."""
+        core, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
+        missing, value = np.isnan(self.luminance), self.luminance[core]
+        most = _of_neighbours(np.where(missing, np.float32(-np.inf), self.luminance)[near], np.maximum)
+        least = _of_neighbours(np.where(missing | self.coloured, np.float32(np.inf), self.luminance)[near], np.minimum)
+        beyond = np.maximum(value - most, least - value) - self.noise(most)
+        candidates: BoolArray = (beyond > self.settings.floor * self.frame.level) & ~self.coloured[core]
+        if candidates.any():
+            row, column = np.nonzero(candidates)
+            candidates[row, column] = self.stand_out(row + self.halo, column + self.halo)
+        return candidates
 
-def _candidates(frame: Cleaned, settings: DefectsSettings, luminance: FloatArray, coloured: BoolArray, halo: int) -> BoolArray:
-    """Panchromatic samples outside the range of their neighbours by more than noise, bool (rows, W)."""
-    missing, core, near = np.isnan(luminance), np.s_[halo:-halo, halo:-halo], np.s_[halo - 1 : 1 - halo, halo - 1 : 1 - halo]
-    most = _of_neighbours(np.where(missing, np.float32(-np.inf), luminance)[near], np.maximum)
-    least = _of_neighbours(np.where(missing | coloured, np.float32(np.inf), luminance)[near], np.minimum)
-    beyond = np.maximum(luminance[core] - most, least - luminance[core]) - _noise(frame, settings, most)
-    candidates: BoolArray = (beyond > settings.floor * frame.level) & ~coloured[core]
-    return candidates
+    def noise(self, luminance: FloatArray) -> FloatArray:
+        """Difference of panchromatic samples of some luminance that noise explains."""
+        noise = self.frame.noise or NoiseModel.gaussian(0.0, len(self.frame.gamma) + 1)
+        return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
+
+    def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
+        """Whether each of N panchromatic samples is an outlier by the definition above."""
+        value, floor = self.luminance[row, column], np.float32(self.settings.floor * self.frame.level)
+        near, wide = (_sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured)) for reach in (1, 2))
+        low, high, count = near[:, 0], np.fmax.reduce(near, axis=1), np.count_nonzero(~np.isnan(near), axis=1)
+        second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
+        allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
+        outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
+        row, column, value, low, high = row[outlier], column[outlier], value[outlier], low[outlier], high[outlier]
+        # The usual brightness of the colour sites beside a sample is their mean in the tiles above, below, left and right.
+        period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
+        tiles = [
+            self.around(row + period * down, column + period * across, 1) for down, across in ((-1, 0), (1, 0), (0, -1), (0, 1))
+        ]
+        usual = _mean(np.stack(tiles), 0).clip(0) + black
+        sites = np.where(self.around(row, column, 1, self.coloured), self.around(row, column, 1), np.float32(np.nan))
+        darker, brighter = (((sites + noise[:, None]).clip(0) + black) / usual for noise in (self.noise(high), -self.noise(high)))
+        low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
+        high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
+        outlier[outlier] = np.maximum(value - high, low - value) > allowed[outlier]
+        return outlier
+
+    def around(self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None) -> NDArray[Any]:
+        """The squares of a plane, luminance by default, around N places, (N, pixels)."""
+        side = 2 * reach + 1
+        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[row - reach, column - reach]
+        return windows.reshape(len(windows), side**2)
 
 
 def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
@@ -158,37 +197,8 @@ def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
     return larger(larger(tall[:, :-2], tall[:, 2:]), ends[:, 1:-1])
 
 
-def _stand_out(
-    frame: Cleaned, settings: DefectsSettings, luminance: FloatArray, coloured: BoolArray, places: tuple[IndexArray, IndexArray]
-) -> BoolArray:
-    """Whether each of the candidates at N places is an outlier by the definition above."""
-
-    def around(plane: NDArray[Any], reach: int, down: int = 0, across: int = 0) -> NDArray[Any]:
-        side = 2 * reach + 1
-        windows = sliding_window_view(plane, (side, side))[places[0] + down - reach, places[1] + across - reach]
-        return windows.reshape(len(windows), side**2)
-
-    value, floor = luminance[places], np.float32(settings.floor * frame.level)
-    near, wide = (_sorted(around(luminance, reach), around(coloured, reach)) for reach in (1, 2))
-    low, high, noise = near[:, 0], np.fmax.reduce(near, axis=1), _noise(frame, settings, np.fmax.reduce(near, axis=1))
-    last = np.count_nonzero(~np.isnan(wide), axis=1) - 2
-    allowed = settings.contrast * (wide[np.arange(len(wide)), last] - wide[:, 1]) + noise + floor
-    outlier = (np.count_nonzero(~np.isnan(near), axis=1) >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-    places, low, high, noise = (places[0][outlier], places[1][outlier]), low[outlier], high[outlier], noise[outlier, None]
-    # The usual brightness of the colour sites beside the sample is their mean in the tiles above, below, left and right.
-    period, floor = frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
-    tiles = np.stack([around(luminance, 1, period * down, period * across) for down, across in ((-1, 0), (1, 0), (0, -1), (0, 1))])
-    usual = _mean(tiles, 0).clip(0) + floor
-    sites = np.where(around(coloured, 1), around(luminance, 1), np.float32(np.nan))
-    darker, brighter = (((sites + error).clip(0) + floor) / usual for error in (noise, -noise))
-    low = np.fmin(np.fmin.reduce(darker, axis=1), 1) * low
-    high = np.fmax(np.fmax.reduce(brighter, axis=1), 1) * high
-    outlier[outlier] = np.maximum(value[outlier] - high, low - value[outlier]) > allowed[outlier]
-    return outlier
-
-
 def _sorted(luminance: FloatArray, coloured: BoolArray) -> FloatArray:
-    """What windows say of luminance, sorted, (N, pixels), NaN at the end: samples, and bounds that exceed all of these."""
+    """Sort the neighbours in each window, (N, pixels), NaN at the end: samples, and lower bounds that exceed all of these."""
     luminance[:, luminance.shape[1] // 2] = np.nan
     highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
     return np.sort(np.where(coloured & ~(luminance > highest[:, None]), np.float32(np.nan), luminance), axis=1)
@@ -293,7 +303,7 @@ def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
 
 
 def _ratios_around(frame: Cleaned, bad: BoolArray, rows: IndexArray, columns: IndexArray) -> DoubleArray:
-    """c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is none, or it is bad or dark."""
+    """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is none, or it is bad or dark."""
     light = frame.around.light
     ratio = np.where(bad | (light <= _LEAST_LIGHT * frame.level), np.nan, frame.samples / np.where(light > 0, light, 1))
     wide = np.pad(ratio, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)

@@ -98,8 +98,8 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
         seen, kept = signal[top : inner.stop + halo], slice(inner.start - top, inner.stop - top)
         if not seen.max() >= clipping:
             return
-        first, plane, clear = (sites.middle[0] - top, sites.middle[1]), np.empty_like(seen), pattern.panchromatic_mask(seen.shape, (top, 0))
-        over = clear & (seen >= clipping)
+        clear = pattern.panchromatic_mask(seen.shape, (top, 0))
+        first, plane, over = (sites.middle[0] - top, sites.middle[1]), np.empty_like(seen), clear & (seen >= clipping)
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
