@@ -81,7 +81,6 @@ _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
 _FAINTEST, _STRONGEST = 0.06, 3.0  # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
-_AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen (0.3)
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
 _UNSURE = 3.0  # standard deviations of noise added to luminance that is compared: without, shadows have a tenth more wrong hues
 _FOLLOWED = 0.02  # share of its own noise that a pooled block keeps, which chose its neighbours; without, even places lose 0.1 dB
@@ -138,17 +137,17 @@ def pool_blocks(
 def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
     """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows, columns).
 
-    The noise of a sample takes the block for grey. chromaticity: (C, rows, columns); averaged over the block and its neighbours,
-    it is how channels see the error of luminance, which is `error` times its curvature.
+    The noise of a sample takes the block for grey. chromaticity: (C, rows, columns), through which channels see the error of
+    luminance, which is `error` times its curvature.
     """
     channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
     sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
-    smooth, signal = smoothed(chromaticity, _AROUND).clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
+    seen, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
             value = luminance[place]
-            variance = (np.float32(error) * smooth[channel, rows] * curvature(luminance, place, frame.sites.grid)) ** 2
+            variance = (np.float32(error) * seen[channel, rows] * curvature(luminance, place, frame.sites.grid)) ** 2
             if noise is not None:
                 variance += noise.variance(grey * value, channel)
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
