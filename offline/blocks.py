@@ -50,20 +50,20 @@ class Sites:
         """The channel of each site, (S,)."""
         return np.array([channel for *_, channel in self.pattern.sites], np.intp)
 
-    @cached_property
+    @property
     def places(self) -> list[tuple[slice, slice]]:
         """For each site the slices of the frame's rows and columns that hold it in all whole blocks."""
-        rows, columns = self.grid.whole_rows, self.grid.whole_columns
-        return [(self._every(rows + row), self._every(columns + column)) for row, column, _ in self.pattern.sites]
+        return self.at(slice(0, self.shape[0]))
 
     def at(self, rows: slice, first: int = 0) -> list[tuple[slice, slice]]:
         """As `places`, for these rows of blocks, 1 or more, in a plane whose first row is the frame's row `first`."""
-        period, count = self.grid.period, rows.stop - rows.start
-        starts = [down.start + rows.start * period - first for down, _ in self.places]
-        return [
-            (slice(start, start + (count - 1) * period + 1, period), columns)
-            for start, (_, columns) in zip(starts, self.places, strict=True)
-        ]
+        corner = int(self.grid.whole_rows[rows.start]) - first, int(self.grid.whole_columns[0])
+        counts, period = (rows.stop - rows.start, self.shape[1]), self.grid.period
+        down, across = (
+            [slice(start + site[axis], start + site[axis] + (count - 1) * period + 1, period) for site in self.pattern.sites]
+            for axis, (start, count) in enumerate(zip(corner, counts, strict=True))
+        )
+        return list(zip(down, across, strict=True))
 
     @property
     def pixels(self) -> tuple[IndexArray, IndexArray]:
@@ -134,10 +134,6 @@ class Sites:
             y, x = row + top - first + (top == 0), column + left + (left == 0)
             yield near[y : y + down : period, x : x + across : period]
 
-    def _every(self, places: IndexArray) -> slice:
-        """The slice that selects `places`, which are one period apart."""
-        return slice(int(places[0]), int(places[-1]) + 1, self.grid.period)
-
 
 class Surroundings(NamedTuple):
     """The panchromatic samples around blocks, float64, scene units.
@@ -207,15 +203,10 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     """
     is_tile = grid.block_shape == (grid.period, grid.period)
     block = (min(grid.period, _WIDEST),) * 2 if is_tile else grid.block_shape
-    here = luminance[*site]
-    found = np.zeros_like(here)
-    places = [np.arange(each.start, each.stop, each.step) for each in site]
+    places = [np.arange(along.start, along.stop, along.step) for along in site]
+    bends = []
     for axis, step in enumerate(block):
-        pair = np.zeros_like(here)
-        for side in (-step, step):
-            there = list(places)
-            wide = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
-            there[axis] = wide[there[axis] + side + step]
-            pair += luminance[np.ix_(*there)] / 2
-        found = np.maximum(found, np.abs(pair - here))
-    return found
+        mirrored = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
+        pair = [[mirrored[along + end] if axis == other else along for other, along in enumerate(places)] for end in (0, 2 * step)]
+        bends.append(np.abs(sum(luminance[np.ix_(*end)] for end in pair) / 2 - luminance[site]))
+    return np.maximum(*bends)

@@ -87,18 +87,14 @@ def unclipped_blocks(frame: Cleaned) -> BoolArray:
     """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool (rows, columns)."""
     if frame.unclipped is not None:
         return frame.unclipped
-    signal, grid = frame.signal, frame.sites.grid
     unclipped = np.ones(frame.sites.shape, np.bool_)
-    if not signal.max() >= frame.clipping:
-        return unclipped
-    limits, block = [size - 1 for size in signal.shape], grid.block_shape
-    tops, columns = grid.whole_rows, [(grid.whole_columns + right).clip(0, limits[1]) for right in range(-1, block[1] + 1)]
+    if frame.signal.max() >= frame.clipping:
+        height, width = frame.sites.grid.block_shape
+        steps = [(down - 1, across - 1) for down, across in np.ndindex(height + 2, width + 2)]
 
-    def work(part: slice) -> None:
-        for down in range(-1, block[0] + 1):
-            seen = signal[(tops[part] + down).clip(0, limits[0])] < frame.clipping
-            for right in columns:
-                unclipped[part] &= seen[:, right]
+        def work(rows: slice) -> None:
+            for values in frame.sites.beside(frame.signal, rows, steps):
+                unclipped[rows] &= ~(values >= frame.clipping)
 
-    in_strips(work, len(unclipped), BLOCK_ROWS)
+        in_strips(work, len(unclipped), BLOCK_ROWS)
     return unclipped
