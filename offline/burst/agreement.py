@@ -20,7 +20,7 @@ from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
 from .frames import CLIPPED, DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame, View
 

@@ -12,7 +12,7 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects

@@ -12,7 +12,7 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..render import restored
 from ..settings import RenderSettings
 from ..stages.luminance import recover_luminance

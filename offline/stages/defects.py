@@ -31,8 +31,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..blocks import sum_noise
-from ..cleaned import Cleaned
+from ..frame import Cleaned, sum_noise
 from ..numerics.functions import ORIENTATIONS
 from ..numerics.pieces import copied, in_strips
 from ..stage import NotNegative, Positive, StageSettings

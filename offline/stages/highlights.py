@@ -25,7 +25,7 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 from shared.white_balance import clipped_share, raised_to_white
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate
 from ..numerics.pieces import BLOCK_ROWS, copied, in_strips

@@ -28,8 +28,7 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums, curvature
-from ..cleaned import Cleaned
+from ..frame import BlockSums, Cleaned, curvature
 from ..numerics.arrays import Floats1, Floats3, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed

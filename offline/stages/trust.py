@@ -17,8 +17,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 
-from ..blocks import sum_noise
-from ..cleaned import Cleaned
+from ..frame import Cleaned, sum_noise
 from ..numerics.gaussian import smoothed
 from ..stage import Positive, Switch
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.blocks import Sites
-from offline.cleaned import Cleaned
+from offline.frame import Cleaned, Sites
 from offline.stages.chromaticity import ChromaticitySettings
 from offline.stages.defects import DefectsSettings, mend_defects
 from offline.stages.luminance import recover_luminance

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.blocks import sum_noise
-from offline.cleaned import unclipped_blocks
+from offline.frame import sum_noise, unclipped_blocks
 from offline.render import cleaned as cleaned_frame
 from shared import CfaPattern, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot

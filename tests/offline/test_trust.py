@@ -7,7 +7,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from offline import BEST, PAPER, render
-from offline.cleaned import Cleaned
+from offline.frame import Cleaned
 from offline.stages.highlights import clipping_level
 from offline.stages.trust import in_keeping, trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, Mosaic, NoiseModel
