@@ -171,10 +171,9 @@ class _Strip:
         row, column, value, low, high = row[outlier], column[outlier], value[outlier], low[outlier], high[outlier]
         # The usual brightness of the colour sites beside a sample is their mean in the tiles above, below, left and right.
         period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
-        tiles = [
-            self.around(row + period * down, column + period * across, 1) for down, across in ((-1, 0), (1, 0), (0, -1), (0, 1))
-        ]
-        usual = _mean(np.stack(tiles), 0).clip(0) + black
+        steps = (-period, 0), (period, 0), (0, -period), (0, period)
+        tiles = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
+        usual = _mean(tiles, 0).clip(0) + black
         sites = np.where(self.around(row, column, 1, self.coloured), self.around(row, column, 1), np.float32(np.nan))
         darker, brighter = (((sites + noise[:, None]).clip(0) + black) / usual for noise in (self.noise(high), -self.noise(high)))
         low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)

@@ -114,20 +114,21 @@ def pool_blocks(
     if others is not None:
         variances = noise.variance(np.float32(grey) * light[..., None], np.arange(len(gamma)))
         precision = 1 / np.maximum(variances, _LEAST_VARIANCE * frame.level**2)
-        sums += np.moveaxis(np.concatenate([others.weight * precision, others.product * precision], axis=2), 2, 0)
+        added = np.concatenate([others.weight * precision, others.product * precision], axis=2)
+        sums += np.moveaxis(added, 2, 0)
     expected = _solved(smoothed(sums, _EXPECTED), frame)
-    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + np.float32(_UNSURE) * np.sqrt(noise.variance(light)))
-    brightness /= np.float32(2**0.5 * settings.light)
+    unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(light))
+    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(2**0.5 * settings.light)
     surer = np.bincount(sites.channels).astype(np.float32)[:, None, None]
     surer = (surer / surer.mean()) ** np.float32(_SURER)
-    own = 1 / sums[: len(gamma)].mean(axis=0).clip(_LEAST_PRECISION)
-    variance = own
+    variance = own = _variance(sums)
     for blur, tolerance, radius in settings.passes:
-        features = np.stack([*smoothed(surer * chromaticity, blur), brightness, (2 * tolerance) * variance])
+        compared = smoothed(surer * chromaticity, blur)
+        features = np.stack([*compared, brightness, (2 * tolerance) * variance])
         near = np.exp(-np.square(np.arange(radius + 1) * (_NEAR / radius)) / 2).astype(np.float32)
         pooled, around = np.empty_like(sums), ((0, 0), (radius, radius), (radius, radius))
-        pool(np.pad(sums, around), np.pad(features, around, constant_values=np.float32(1)), near, pooled)
-        variance = np.float32(_FOLLOWED) * own + 1 / pooled[: len(gamma)].mean(axis=0).clip(_LEAST_PRECISION)
+        pool(np.pad(sums, around), np.pad(features, around, constant_values=1), near, pooled)
+        variance = np.float32(_FOLLOWED) * own + _variance(pooled)
         chromaticity = np.moveaxis(_solved(pooled, frame, 1 / (_APART * grey), expected), 2, 0)
         progress.advance()
     return sites.grid.extend(np.moveaxis(chromaticity, 0, 2))
@@ -140,13 +141,15 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     luminance, which is `error` times its curvature.
     """
     channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
-    sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
+    sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
+    light = np.zeros(frame.sites.shape, np.float32)
     seen, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
             value = luminance[place]
-            variance = (np.float32(error) * seen[channel, rows] * curvature(luminance, place, frame.sites.grid)) ** 2
+            bend = curvature(luminance, place, frame.sites.grid)
+            variance = np.square(np.float32(error) * seen[channel, rows] * bend)
             if noise is not None:
                 variance += noise.variance(grey * value, channel)
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
@@ -158,6 +161,11 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     return sums, light
 
 
+def _variance(sums: FloatArray) -> FloatArray:
+    """What noise leaves in chromaticities, the mean of the channels, from sums of blocks, (2 C, rows, columns)."""
+    return 1 / sums[: len(sums) // 2].mean(axis=0).clip(_LEAST_PRECISION)
+
+
 def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: FloatArray | None = None) -> FloatArray:
     """Chromaticities, float32 (rows, columns, C), from sums of blocks, float32 (2 C, rows, columns); see `BlockSums.solved`.
 
@@ -167,7 +175,8 @@ def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: Floa
     return BlockSums(weight, product).solved(sigma, frame.gamma, expected).astype(np.float32)
 
 
-_SHARE = np.float32(1 / 16)  # exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once
+# exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once.
+_SHARE = np.float32(1 / 16)
 _ZERO, _ONE = np.float32(0), np.float32(1)
 
 
@@ -182,22 +191,21 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled
     pooled: (S, rows, columns), written.
     """
     columns, radius, channels = pooled.shape[2], len(near) - 1, len(features) - 2
-    light, noise = channels, channels + 1
+    light, noise, here = channels, channels + 1, slice(radius, radius + columns)
     for row in range(pieces[0], pieces[1]):
-        weight, own, first = np.empty(columns, np.float32), row + radius, radius
+        weight, own = np.empty(columns, np.float32), row + radius
         pooled[:, row] = _ZERO
         for y in range(row, row + 2 * radius + 1):
             for x in range(2 * radius + 1):
+                there = slice(x, x + columns)
                 weight[:] = _ZERO
                 for plane in range(channels):
-                    _add_square(weight, features[plane, y, x : x + columns], features[plane, own, first : first + columns])
-                _weigh(
-                    weight, features[light, y, x : x + columns], features[light, own, first : first + columns],
-                    features[noise, y, x : x + columns], features[noise, own, first : first + columns],
-                    near[abs(y - own)] * near[abs(x - radius)],
-                )  # fmt: skip
+                    _add_square(weight, features[plane, y, there], features[plane, own, here])
+                _divide(weight, features[noise, y, there], features[noise, own, here])
+                _add_square(weight, features[light, y, there], features[light, own, here])
+                _exponential(weight, near[abs(y - own)] * near[abs(x - radius)])
                 for plane in range(len(sums)):
-                    _add_product(pooled[plane, row], weight, sums[plane, y, x : x + columns])
+                    _add_product(pooled[plane, row], weight, sums[plane, y, there])
 
 
 @kernel
@@ -208,11 +216,16 @@ def _add_square(total: Floats1, a: Floats1, b: Floats1) -> None:
 
 
 @kernel
-def _weigh(weight: Floats1, light: Floats1, own_light: Floats1, noise: Floats1, own_noise: Floats1, near: Scalar) -> None:
-    """Replace squared differences of chromaticities by near exp(-d)."""
+def _divide(total: Floats1, a: Floats1, b: Floats1) -> None:
+    for column in range(len(total)):
+        total[column] /= a[column] + b[column]
+
+
+@kernel
+def _exponential(weight: Floats1, near: Scalar) -> None:
+    """Replace each d by near exp(-d)."""
     for column in range(len(weight)):
-        brighter = light[column] - own_light[column]
-        root = max(_ONE - _SHARE * (weight[column] / (noise[column] + own_noise[column]) + brighter * brighter), _ZERO)
+        root = max(_ONE - _SHARE * weight[column], _ZERO)
         root *= root
         root *= root
         root *= root
