@@ -12,11 +12,11 @@ from offline.stages.highlights import clipping_level, replace_dark, restore_high
 from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
-from shared.display import ColourTransform
 from shared.white_balance import clipped_share, raised_to_white
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.offline.stage_tests import StageTests
 from tools.camera.sensor import simulate_sensor
+from tools.pictures.display import ColourTransform
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0
