@@ -19,7 +19,7 @@ from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
 from .frames import CLIPPED, DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame, View
 from .motion import Motion

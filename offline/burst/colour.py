@@ -17,8 +17,7 @@ from scipy.ndimage import map_coordinates
 from shared.arrays import ByteArray, FloatArray
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums, Sites
-from ..cleaned import Cleaned, unclipped_blocks
+from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, tiles_of

@@ -11,7 +11,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects

@@ -17,7 +17,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
@@ -49,7 +49,7 @@ class MergedBurst:
 
     @property
     def lost(self) -> ByteArray | None:
-        """Where all frames are clipped, uint8 (H, W), see `offline.cleaned.Cleaned`; None = nowhere."""
+        """Where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None = nowhere."""
         return self.measured.lost
 
 

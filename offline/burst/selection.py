@@ -11,7 +11,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..render import restored
 from ..settings import RenderSettings
 from ..stages.luminance import recover_luminance

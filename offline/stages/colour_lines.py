@@ -30,8 +30,7 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray, strips
 from shared.site_errors import nearness
 
-from ..blocks import Sites
-from ..cleaned import Cleaned, unclipped_blocks
+from ..frame import Cleaned, Sites, unclipped_blocks
 from ..measured import EVEN, ColourLines
 from ..numerics.arrays import Floats1, Floats2, Floats3
 from ..numerics.compile import Pieces, parallel_kernel
@@ -46,7 +45,7 @@ from .correction import FILLED
 class LineSettings(Switch):
     """Colour as a linear function of luminance, where that explains the samples (see `stages.colour_lines`); not in the paper."""
 
-    kernels = "surroundings", "smooth"
+    kernels = ("smooth",)
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).

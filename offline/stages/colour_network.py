@@ -27,7 +27,7 @@ from shared.errors import InputError
 from shared.networks import Block, load_network, network_for
 from shared.pattern import CfaPattern
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..measured import BlockSamples
 from ..numerics.arrays import Floats1, Floats2, Floats3, Frozen2, Frozen3, Ints1, Pair, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel

@@ -25,8 +25,7 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.site_errors import nearness
 
-from ..blocks import Sites, curvature
-from ..cleaned import Cleaned, unclipped_blocks
+from ..frame import Cleaned, Sites, curvature, unclipped_blocks
 from ..measured import EVEN, BlockSamples
 from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats3, Floats4, Ints1
 from ..numerics.compile import Pieces, kernel, parallel_kernel

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.cleaned import unclipped_blocks
+from offline.frame import unclipped_blocks
 from offline.numerics.pieces import BLOCK_ROWS
 from offline.parts import Part
 from offline.stage import Switch

@@ -1,6 +1,7 @@
 """Colour lines, block by block in float64: weighted least squares around each block, and what one is believed."""
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 
@@ -10,9 +11,8 @@ from offline.stages.correction import FILLED
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur
-from tests.reference.geometry import block_corner, is_whole, patch_counts
+from tests.reference.geometry import block, block_corner, is_whole, letter, patch_counts
 from tests.reference.sites import at_sites, near, whole_blocks
-from tests.reference.trust import ring_of
 
 Lines = tuple[DoubleArray, DoubleArray, DoubleArray]
 """Offset and slope of each channel in units of luminance, (rows, columns, C), and the share of each line, (rows, columns)."""
@@ -190,3 +190,10 @@ def _nearness(shape: tuple[int, int], width: float = constants._WIDTH) -> Double
     blocks = shape[0] * shape[1]
     columns = [blur(each.reshape(shape), width).ravel() for each in np.eye(blocks)]
     return np.stack(columns, axis=1)
+
+
+def ring_of(sites: list[tuple[int, int, str]], pattern: CfaPattern, shape: tuple[int, int]) -> list[tuple[int, int]]:
+    """The panchromatic pixels in a block and next to it."""
+    found, top, left = block(pattern), min(y for y, _, _ in sites), min(x for _, x, _ in sites)
+    area = product(range(top - 1, top + found.height + 1), range(left - 1, left + found.width + 1))
+    return [(y, x) for y, x in area if 0 <= y < shape[0] and 0 <= x < shape[1] and letter(pattern, y, x) == "W"]

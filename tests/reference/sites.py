@@ -11,8 +11,7 @@ from offline.stages import correction as constants
 from shared import CfaPattern, NoiseModel, site_errors
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur
-from tests.reference.geometry import block_sites, is_whole, patch_counts
-from tests.reference.pooling import curvature
+from tests.reference.geometry import block, block_sites, is_whole, mirrored, patch_counts
 
 
 @cache
@@ -161,3 +160,16 @@ def correct(
             if min(luminance[y, x], after) > 1e-6:
                 rgb[y, x] = chromaticity[y, x] * after + tints[row, column, site] / weights
     return rgb
+
+
+def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPattern) -> float:
+    """How far a pixel is from the mean of the two pixels one block's size to either side; the larger of both axes.
+
+    A block that is a whole tile counts as four pixels wide at most.
+    """
+    (y, x), (height, width) = place, luminance.shape
+    found, here = block(pattern), luminance[place]
+    down, across = (min(size, 4) if found.height == pattern.period else size for size in (found.height, found.width))
+    above, below = (luminance[mirrored(y + step, height), x] for step in (-down, down))
+    left, right = (luminance[y, mirrored(x + step, width)] for step in (-across, across))
+    return float(max(abs((above + below) / 2 - here), abs((left + right) / 2 - here)))

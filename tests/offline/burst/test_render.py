@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, SolverLog, render
-from offline.blocks import BlockSums
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
 from offline.burst.colour import relit_sites
 from offline.burst.render import MergedLuminance, denoised, merged_luminance
 from offline.burst.selection import compared
 from offline.burst.spreading import TOLERANCE
-from offline.cleaned import Cleaned
+from offline.frame import BlockSums, Cleaned
 from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
