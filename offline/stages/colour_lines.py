@@ -39,7 +39,6 @@ from ..numerics.functions import unset
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..parts import DARK, Part, RowStage
 from ..stage import Switch
-from .correction import FILLED
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,7 @@ _WORST = 3.0  # at which the chi-square of a block is cut off: with 5, black pri
 _BEYOND = 3.0  # standard deviations by which a channel may be brighter than luminance; a photograph of stars gains 0.6 dB
 _RANGE = 3.3  # standard deviations of the noise in the range of a dozen samples: 3.26 are expected (0.2)
 _DARK, _FAINT = 1e-3, 0.01  # share of the mean panchromatic sample: least luminance, and error of a line (0.0)
+FILLED = 0.5
 _TINY = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
 # Rows above and below that decide: those of a line, of what leads it, of the rounds for its ink, and of the ink's gain.
