@@ -20,9 +20,10 @@ The slope by least squares is shrunk by what errors may cause (James and Stein);
 Confidence. The estimated chromaticity z of a block lies t = z x - line(x) from the line, and its samples r = y_i - line(x_i), both
 less their mean over channels. Strokes explain a chi-square of about 1 per block, so that more than LIMIT speaks against the line.
 Neighbours were pooled: estimates beside strokes are wrong too, and only the fraction f of t counts that samples confirm, give or
-take ERRORS standard errors.
+take ERRORS standard errors. What pooling leaves of the noise is expected where there is print, p = <a^2> / (<a^2> + PRINT n).
 
-    X = mean of min(|t|^2 / (2 a^2 + (EVEN x)^2), WORST),   f = <t . r> / <t . t>,   confidence = 1 / (1 + (f X / LIMIT)^STEEPNESS)
+    X = mean of min(|t|^2 / (2 a^2 + (EVEN x)^2 + p^2 n), WORST),   f = <t . r> / <t . t>
+    confidence = 1 / (1 + (f X / LIMIT)^STEEPNESS)
 
 Ink. A red word may stand between black ones, and one line for all would be black. So the line has a rival, which turns about the
 bright end b of the nearest blocks (INK) by h, their own least squares with a prior of deviation SLOPES: s' = s + h, o' = o - h b.
@@ -38,7 +39,6 @@ import numpy as np
 
 from shared.arrays import FloatArray, strips
 
-from shared.site_errors import nearness
 from ..blocks import Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..measured import EVEN, ColourLines
@@ -57,24 +57,22 @@ class LineSettings(Switch):
     kernels = "surroundings", "smooth"
 
 
-_WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; black print has half of its tint with 3
-_STROKES = 0.1  # error of luminance under a block, a fraction of the range of the samples around it
+# Chosen on photographs and on pages of print.
+_WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; with 3, print has more tint
+_STROKES = 0.1  # error of luminance under a block, a fraction of the range of the samples around it; 0.07 and 0.14 double the tint
 _ERRORS = 3.0  # standard errors that count as none: of a range, of a channel brighter than all light, of what samples confirm
 _SHRINK = 2.0  # standard errors by which slopes must differ from those of one chromaticity
 _LIMIT = 0.8  # chi-square per block at which a line is half believed
-_WORST = 3.0  # chi-square of a single block at most: with 5, black print has twice the tint
-_STEEPNESS = 6
-_PRINT = 80.0  # mean a^2 around, in units of n, above which noise of the estimates does not speak against the line
-_FILLED = 0.5  # correlation of errors
-CORR = 0
-_INK = 4.0 / 3  # blocks: standard deviation of those that share an ink; with 1.8, the lines of print beside it are mixed in
-_SLOPES = 0.1  # standard deviation of slopes of inks on one paper; with 0.15, black print gains more
-_GAIN = 0.7  # log likelihood ratio per block at which an ink counts by half
+_WORST = 3.0  # chi-square of a single block at most: outliers; with 4, print has more tint
+_STEEPNESS = 4  # power at which confidence falls; with 6, photographs lose
+_PRINT = 80.0  # mean a^2 in units of n at which the noise of estimates is half expected; with 160, white print is tinted
+_SLOPES = 0.1  # standard deviation of the slopes of inks on one paper
+_GAIN = 0.7  # log likelihood ratio per block at which an ink counts by half; with 0.3, black print gains too
 
-_NEIGHBOURS = 2  # sites of a channel that one stroke hides; errors of more sites average out
-_LEAST = 1e-3, 0.3  # fraction of the mean panchromatic sample below which luminance has no colour; sum of slopes, 1 without errors
-_TINY = 1e-20  # keeps quotients finite
+_INK = _WIDTH / 3  # blocks: standard deviation of those that share an ink; with more, the lines of print beside it are mixed in
+_LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3  # of the mean panchromatic sample; of the sum of slopes, 1 without errors
 _CLIPPED = 1e-6  # weight of a block beside a clipped sample
+_TINY = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
 _REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _WIDTH))  # rows of blocks: of a line, an ink, its gain
 
@@ -92,7 +90,6 @@ class _Blocks(NamedTuple):
     strokes: FloatArray
     noise: FloatArray
     weight: FloatArray
-    independent: FloatArray
 
     @property
     def surface(self) -> FloatArray:
@@ -112,34 +109,24 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     """
     if not settings.used:
         return None
-    sites, gamma, dark = frame.sites, frame.gamma.astype(np.float32)[:, None, None], np.float32(_LEAST[0] * frame.level)
+    sites, gamma, dark = frame.sites, frame.gamma.astype(np.float32)[:, None, None], np.float32(_LEAST_LIGHT * frame.level)
     light, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
     samples *= gamma
     mean = np.maximum(light.mean(axis=0), dark)
     strokes, noise = _errors(frame, light, samples, mean)
     unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
-    found = ColourLines(np.empty_like(samples), np.empty_like(samples), np.empty_like(mean))
+    whole = _Blocks(light, samples, estimated * gamma * mean, mean, strokes, noise, weight)
+    result = ColourLines(np.empty_like(samples), np.empty_like(samples), np.empty_like(mean))
     for rows in strips(len(mean), _STRIP):  # for memory
         top = max(rows.start - _REACH, 0)
-        around, kept = slice(top, rows.stop + _REACH), slice(rows.start - top, rows.stop - top)
-        estimate = estimated[:, around] * gamma * mean[around]
-        near = _Blocks(
-            light[:, around],
-            samples[:, around],
-            estimate,
-            mean[around],
-            strokes[around],
-            noise[around],
-            weight[around],
-            _independent(sites),
-        )
+        near = _Blocks(*(plane[..., top : rows.stop + _REACH, :] for plane in whole))
         lines = _fitted(near, dark)
         lines = _inked(replace(lines, share=_confidence(lines, near, dark)), near)
-        for name, plane in vars(found).items():
-            plane[..., rows, :] = getattr(lines, name)[..., kept, :]
-    found.share[~unclipped] = 0
-    return found
+        for name, plane in vars(result).items():
+            plane[..., rows, :] = getattr(lines, name)[..., rows.start - top : rows.stop - top, :]
+    result.share[~unclipped] = 0
+    return result
 
 
 def _means(sites: Sites, plane: FloatArray) -> FloatArray:
@@ -158,8 +145,8 @@ def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatA
         span = np.maximum(span - np.float32(_ERRORS) * np.sqrt(noise.variance(mean)), 0)
         of_sites = noise.variance(sites.of(frame.signal), channels) * (gamma / np.bincount(channels))[channels] ** 2
         variance = of_sites.sum(axis=2).astype(np.float32) / np.float32(len(gamma))
-    # With six sites of each channel, as in Kaizu's tile, 2.4 dB are lost without noise if their errors count as those of two.
-    deviation = np.float32(_STROKES / max(np.bincount(channels).min() / _NEIGHBOURS, 1)) * span
+    # A stroke hides two sites of a channel, errors of more average out: 2.4 dB with the six of Kaizu's tile.
+    deviation = np.float32(_STROKES / max(np.bincount(channels).min() / 2, 1)) * span
     # A channel that is brighter than all light there shows by how much that is wrong, at least: a star that meets no other pixel.
     beyond = (samples - light).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)
     return (deviation / np.float32(len(gamma))) ** 2 + np.maximum(beyond, 0) ** 2, variance
@@ -174,7 +161,7 @@ def _fitted(near: _Blocks, dark: np.float32) -> ColourLines:
     # The sites of a channel have their own luminance: on a ramp of one colour only the ratios are the same.
     ratios, level = means / np.maximum(levels, dark), levels.mean(axis=0)
     sums = ratios.sum(axis=0)
-    mixture = np.where(sums > _LEAST[1], ratios / np.maximum(sums, np.float32(_LEAST[1])), np.float32(1 / count))
+    mixture = np.where(sums > _LEAST_SLOPES, ratios / np.maximum(sums, np.float32(_LEAST_SLOPES)), np.float32(1 / count))
     slope, error = np.empty_like(means), np.zeros_like(total)
     for channel, (x, y, level_x, level_y, single) in enumerate(zip(*near[:2], levels, means, mixture, strict=True)):
         planes = (weight * plane for plane in (x**2, x * y, y**2))  # one at a time, for memory
@@ -185,7 +172,7 @@ def _fitted(near: _Blocks, dark: np.float32) -> ColourLines:
         error += (rest + (np.float32(EVEN) * level) ** 2) / spread
     # Number of blocks that a line rests on: the square of the weights' sum over the sum of their squares.
     number = np.float32(4 * np.pi * _WIDTH**2) * total**2 / smoothed(weight**2, _WIDTH / 2**0.5)
-    sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST[1]))
+    sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPES))
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)
     error /= number * sums**2
@@ -197,9 +184,10 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     """Return the confidence in lines, 0 to 1, (rows, columns)."""
     rest, apart = _residuals(lines, near), near.estimate - lines.at(near.mean)
     apart -= apart.mean(axis=0)
-    expected, power = 2 * near.strokes + near.surface, _square(apart)
-    printed = smoothed(near.strokes, _WIDTH)
-    expected += near.noise * (printed / (printed + np.float32(_PRINT) * near.noise + np.float32(_TINY))) ** 2
+    power, printed = _square(apart), smoothed(near.strokes, _WIDTH)
+    # Pooling leaves a rest of noise in estimates. In print that is no evidence; in shadows without strokes it may be colour.
+    printed /= printed + np.float32(_PRINT) * near.noise + np.float32(_TINY)
+    expected = 2 * near.strokes + near.surface + near.noise * printed**2
     sure = near.weight / (expected + near.noise + dark**2)  # black blocks, exact as they seem, would decide alone
     chi = near.weight * np.minimum(power / expected, np.float32(_WORST))
     planes = chi, sure * power, sure * np.einsum("iyx,iyx->yx", apart, rest), near.weight
@@ -229,16 +217,7 @@ def _likelihood(lines: ColourLines, near: _Blocks) -> FloatArray:
     """Return the logarithm of the likelihood of the samples of blocks, (rows, columns), but for a constant."""
     of_light, own = near.strokes * np.float32(len(near.light) ** 2), (near.noise + near.surface) / near.weight
     variance = lines.slope**2 * of_light + own
-    rest = (near.samples - lines.at(near.light)) / np.sqrt(variance)
-    I = near.independent if CORR else np.eye(len(rest), dtype=np.float32)
-    return -(np.log(variance).sum(axis=0) + np.einsum("iyx,ij,jyx->yx", rest, I, rest)) / 2
-
-
-def _independent(sites: Sites) -> FloatArray:
-    members = (np.arange(sites.channels.max() + 1)[:, None] == sites.channels).astype(np.float64)
-    shared = members @ nearness(sites.pattern, _FILLED) @ members.T
-    each = np.sqrt(np.diag(shared))
-    return np.linalg.inv(shared / (each[:, None] * each)).astype(np.float32)
+    return -(np.log(variance) + np.square(near.samples - lines.at(near.light)) / variance).sum(axis=0) / 2
 
 
 def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
@@ -279,11 +258,11 @@ class OnLines(RowStage):
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows."""
-        shown, (down, across) = part.rows(*rows), self.sites.middle
-        lines = LinePlanes(self._planes, (down - shown.first, across), self.sites.grid.period)
-        result = np.empty(shown.chromaticity.shape, np.float32)
-        lead_to_lines(shown.luminance, np.ascontiguousarray(shown.chromaticity), lines, self.gamma, result)
-        return replace(shown, chromaticity=result)
+        picture, (down, across) = part.rows(*rows), self.sites.middle
+        lines = LinePlanes(self._planes, (down - picture.first, across), self.sites.grid.period)
+        result = np.empty(picture.chromaticity.shape, np.float32)
+        lead_to_lines(picture.luminance, np.ascontiguousarray(picture.chromaticity), lines, self.gamma, result)
+        return replace(picture, chromaticity=result)
 
 
 class LinePlanes(NamedTuple):

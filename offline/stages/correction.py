@@ -116,15 +116,15 @@ def _block_residuals(
     sites = measured.sites
     light = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
     weight = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
-    shown = weight * light
+    picture = weight * light
     if (lines := measured.lines) is not None:
         offset, slope = (np.moveaxis(plane[:, rows][sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
-        apart, least = offset + slope * light - shown, np.square(np.float32(EVEN) * light).mean(axis=2)
+        apart, least = offset + slope * light - picture, np.square(np.float32(EVEN) * light).mean(axis=2)
         far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
         share = (lines.share[rows] * (1 - least / far))[..., None]
-        shown += share * apart
+        picture += share * apart
         weight += share * (slope - weight)
-    error = (measured.samples[rows] * gamma[sites.channels] - shown) * measured.unclipped[rows, :, None]
+    error = (measured.samples[rows] * gamma[sites.channels] - picture) * measured.unclipped[rows, :, None]
     return error.astype(np.float32, copy=False), weight
 
 
@@ -152,18 +152,18 @@ def expected_errors(
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
 
     def work(part: slice) -> None:
-        share, shown = np.square(weight[part]).mean(axis=2), power[part]
-        most = shown / np.maximum(share, _LEAST_SHARE)
+        share, mean = np.square(weight[part]).mean(axis=2), power[part]
+        most = mean / np.maximum(share, _LEAST_SHARE)
         of_light = np.minimum(np.square(measured.fill_error[rows][part]), most)
-        of_colour = np.maximum(shown - of_light * share, np.float32(_TINT) * shown) / np.float32(1 - 1 / len(gamma))
+        of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(1 - 1 / len(gamma))
         if measured.lines is not None:
-            believed = measured.lines.share[rows][part]
-            of_colour *= np.maximum(1 - believed, np.float32(_DOUBT))
-            of_light += believed * (most - of_light)
+            confidence = measured.lines.share[rows][part]
+            of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
+            of_light += confidence * (most - of_light)
         noise = None if variance is None else _sites_first(variance[part])
         prior = _Prior(of_light.ravel().astype(np.float64), of_colour.ravel().astype(np.float64), near, aside)
-        found = prior.posterior(_sites_first(error[part]), np.maximum(_sites_first(weight[part]), 0), noise)
-        for plane, values in zip((light, tints), found, strict=True):
+        expected = prior.posterior(_sites_first(error[part]), np.maximum(_sites_first(weight[part]), 0), noise)
+        for plane, values in zip((light, tints), expected, strict=True):
             plane[part] = np.moveaxis(values, -1, 0).reshape(plane[part].shape)
 
     in_strips(work, len(error), BLOCK_ROWS)
@@ -228,15 +228,15 @@ class Missed(RowStage):
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with what they miss."""
-        shown, sites = part.rows(*rows), self.samples.sites
-        missed = np.zeros(shown.luminance.shape, np.float32)
+        picture, sites = part.rows(*rows), self.samples.sites
+        missed = np.zeros(picture.luminance.shape, np.float32)
         for site, (channel, (down, across)) in enumerate(zip(sites.channels, sites.places, strict=True)):
             first, end = (min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows)  # rows of blocks
             place = slice(down.start + first * down.step - rows[0], None, down.step), across
-            picture = shown.chromaticity[place][: end - first, :, channel] * shown.luminance[place][: end - first]
-            error = (self.samples.samples[first:end, :, site] - picture) * self.gamma[channel]
+            colour = picture.chromaticity[place][: end - first, :, channel] * picture.luminance[place][: end - first]
+            error = (self.samples.samples[first:end, :, site] - colour) * self.gamma[channel]
             missed[place][: end - first] = error * self.samples.unclipped[first:end]
-        return replace(shown, missed=missed)
+        return replace(picture, missed=missed)
 
 
 @dataclass(eq=False)

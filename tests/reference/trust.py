@@ -8,8 +8,14 @@ from offline.stages import trust as constants
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 from tests.reference.gaussian import blur
-from tests.reference.geometry import block, letter
-from tests.reference.sites import whole_blocks
+from tests.reference.geometry import block, block_sites, is_whole, letter, patch_counts
+
+
+def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[list[tuple[int, int, str]]]]:
+    """The sites of every whole block, (rows, columns, S) of (row, column, letter)."""
+    down, across = patch_counts(pattern, shape)
+    rows = [[block_sites(pattern, (i, j)) for j in range(across + 1) if is_whole(pattern, shape, (i, j))] for i in range(down + 1)]
+    return [row for row in rows if row]
 
 
 def trust_in_blocks(
