@@ -29,7 +29,7 @@ from shared.progress import SILENT, Progress
 
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, degrees, inverses, multiply, planes, solve, weighted_product
+from ..numerics.conjugate_gradients import BORDER, Limits, cut, linked_sum, planes, product, solve
 from ..numerics.functions import unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import report
@@ -158,7 +158,7 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
 
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-_LEAST_EXPONENT = np.float32(-60)  # e^-60 is 1e-26: no weight is smaller, so that products of a few are float32 numbers
+_LEAST, _LEAST_EXPONENT = np.float32(1e-37), np.float32(-87)  # e^-87 is about the least normal float32
 # e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
 # two parts, the first short enough that n times it is exact.
 _PER_LN2, _LN2_HIGH, _LN2_LOW = np.float32(1.4426950408889634), np.float32(0.693359375), np.float32(-2.12194440e-4)
@@ -198,16 +198,21 @@ def solve_regions(
         # The table repeats with two patches: from here on it is the region's.
         table = pins[:, :, before % 2 * period : before % 2 * period + size[1]]
         phase = above % 2 * period
-        system = _system(light, period, filters, table[_SOLVED], phase)
-        solution, residual = planes(_SOLVED, size), planes(_SOLVED, size)
-        norm = _start(system, table, phase, solution, residual)
-        solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm, False)
+        links = planes(4, size)
+        _weigh(transmission(light, period, filters), links)
+        cut(links, size)
+        scale, residual = planes(1, size)[0], planes(_SOLVED, size)
+        norm = _start(links, table, phase, scale, residual)
+        _scale(links, scale)
+        solution = zeros(*residual.shape)
+        solutions.residuals[region], solutions.used[region] = solve(links, links[:0], residual, solution, limits, norm)
         place = (top - regions.first) * period, left * period
         for row in range((bottom - top) * period):
             inner = (top - above) * period + row
-            values = solution[:, BORDER + inner, (left - before) * period : (right - before) * period]
-            given = table[:, (phase + inner) % table.shape[1], (left - before) * period : (right - before) * period]
-            _finish(values, given, solutions.fields[:, place[0] + row, place[1] : right * period])
+            columns = slice((left - before) * period, (right - before) * period)
+            given = table[:, (phase + inner) % table.shape[1], columns]
+            out = solutions.fields[:, place[0] + row, place[1] : right * period]
+            _finish(solution[:, BORDER + inner, columns], scale[BORDER + inner, columns], given, out)
 
 
 @kernel
@@ -220,22 +225,6 @@ def _window(frame: Frame, place: Pair, size: Pair) -> FloatArray:
         for column in range(len(line)):
             line[column] = source[columns[column]]
     return light
-
-
-@kernel
-def _system(light: Floats2, period: int, filters: Filters, pinned: Floats2, phase: int) -> System:
-    """The equations of a region: weights between neighbours, and their sum on the diagonal, 0 at the blocks."""
-    through = transmission(light, period, filters)
-    size = through.shape[1] - 2 * BORDER, pinned.shape[1]
-    links = planes(4, size)
-    _weigh(through, links)
-    cut(links, size)
-    diagonal = degrees(links)
-    for row in range(size[0]):
-        line, given = diagonal[0, BORDER + row], pinned[(phase + row) % len(pinned)]
-        for column in range(size[1]):
-            line[column] *= _ONE - given[column]
-    return System(links, diagonal, inverses(diagonal), links[:0])
 
 
 @kernel
@@ -260,15 +249,16 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
 
     light: luminance, with the filters' reach more on every side.
     """
-    reach = filters.smooth.shape[1] - 1
-    rows, columns = light.shape[0] - 2 * reach, light.shape[1] - 2 * reach
-    through, energy = planes(2, (rows, columns)), zeros(2, period, columns)
+    reach, width = filters.smooth.shape[1] - 1, light.shape[1]
+    rows, columns = light.shape[0] - 2 * reach, width - 2 * reach
+    through, energy = planes(2, (rows, columns)), zeros(2, period, width)
     for top in range(0, rows, period):
         energy[:] = _ZERO
+        around = light[top : top + period + 2 * reach].reshape(-1)
         for scale in range(len(filters.smooth)):
-            _add_energy(light[top : top + period + 2 * reach], filters.smooth[scale], filters.slope[scale], energy)
+            _add_energy(around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1))
         for axis in range(2):
-            relative = _over_mean(energy[axis])
+            relative = _over_mean(energy[axis], columns)
             for row in range(period):
                 source, line = energy[axis, row], through[axis, BORDER + top + row]
                 for column in range(columns):
@@ -277,43 +267,34 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
 
 
 @kernel
-def _add_energy(light: Floats2, smooth: Floats1, slope: Floats1, energy: Floats3) -> None:
-    """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows, `light` with the filters' reach more on every side.
+def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2) -> None:
+    """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap, columns too many have no meaning.
 
     Slopes are sums of differences of symmetric pairs, so that flat input gives exactly 0.
     """
-    (_, rows, columns), reach = energy.shape, len(smooth) - 1
-    smoothed, sloped = zeros(rows, light.shape[1]), zeros(rows, light.shape[1])
-    across, down = zeros(rows, columns), zeros(rows, columns)
+    reach, count = len(smooth) - 1, energy.shape[1]
+    smoothed, sloped, across, down = zeros(count + 2 * reach), zeros(count + 2 * reach), zeros(count), zeros(count)
     for step in range(reach + 1):
-        above, below, weight, rise = light[reach - step :], light[reach + step :], smooth[step], slope[step]
-        if weight == _ZERO:  # beyond the end of a smaller scale
-            break
-        for row in range(rows):
-            for column in range(light.shape[1]):
-                smoothed[row, column] += weight * (above[row, column] + below[row, column])
-                sloped[row, column] += rise * (below[row, column] - above[row, column])
-    for row in range(rows):
-        line, other = across[row], down[row]
-        for step in range(reach + 1):
-            left, right, weight, rise = smoothed[row, reach - step :], smoothed[row, reach + step :], smooth[step], slope[step]
-            before, after = sloped[row, reach - step :], sloped[row, reach + step :]
-            if weight == _ZERO:
-                break
-            for column in range(columns):
-                line[column] += rise * (right[column] - left[column])
-                other[column] += weight * (after[column] + before[column])
-    for row in range(rows):
-        for column in range(columns):
-            energy[0, row, column] += across[row, column] * across[row, column]
-            energy[1, row, column] += down[row, column] * down[row, column]
+        above, below, weight, rise = light[(reach - step) * width :], light[(reach + step) * width :], smooth[step], slope[step]
+        for index in range(count):
+            smoothed[index] += weight * (above[index] + below[index])
+            sloped[index] += rise * (below[index] - above[index])
+    for step in range(reach + 1):
+        left, right, weight, rise = smoothed[reach - step :], smoothed[reach + step :], smooth[step], slope[step]
+        before, after = sloped[reach - step :], sloped[reach + step :]
+        for index in range(count):
+            across[index] += rise * (right[index] - left[index])
+            down[index] += weight * (after[index] + before[index])
+    horizontal, vertical = energy[0], energy[1]
+    for index in range(count):
+        horizontal[index] += across[index] * across[index]
+        vertical[index] += down[index] * down[index]
 
 
 @kernel
-def _over_mean(energy: Floats2) -> FloatArray:
+def _over_mean(energy: Floats2, columns: int) -> FloatArray:
     """-1 over the mean energy of each patch in a row of patches, 0 without energy, at all columns."""
-    period, columns = energy.shape
-    sums = zeros(columns)
+    period, sums = len(energy), zeros(columns)
     for row in range(period):
         source = energy[row]
         for column in range(columns):
@@ -322,57 +303,85 @@ def _over_mean(energy: Floats2) -> FloatArray:
         total = _ZERO
         for column in range(left, left + period):
             total += sums[column]
-        sums[left : left + period] = np.float32(-period * period) / total if total > _ZERO else _ZERO
+        over = np.float32(-period * period) / total if total > _ZERO else _ZERO
+        for column in range(left, left + period):
+            sums[column] = over
     return sums
 
 
 @kernel
-def _start(system: System, table: Floats3, phase: int, solution: Floats3, residual: Floats3) -> float:
-    """Write the start and its residuals. Returns the largest squared norm of a right-hand side.
+def _start(links: Floats3, table: Floats3, phase: int, scale: Floats2, residual: Floats3) -> float:
+    """Write what scales the equations to a diagonal of one, and the residuals of the start. Returns the largest square of a right side.
 
-    The right-hand side is the sum of c[n, n'] times the value given at n'. The start is the same in all four fields, a quarter at
-    every other pixel: a pixel that edges cut off from every block is then shared by all, not left to the fourth.
+    The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the values given at blocks n'. The start
+    is the same in all four fields, a quarter at every other pixel: a pixel that edges cut off from every block is then shared by
+    all, not left to the fourth.
+
+    scale: d^(-1/2), 0 at the blocks.
     """
-    rows, columns = residual.shape[1] - 2 * BORDER, table.shape[2]
+    size = links.shape[1] - 2 * BORDER, table.shape[2]
+    every, ones = planes(1, size)[0], np.ones(scale.shape, np.float32)
+    linked_sum(links, ones, scale)
+    for row in range(size[0]):
+        line, pinned = scale[BORDER + row], table[_SOLVED, (phase + row) % table.shape[1]]
+        for column in range(size[1]):
+            line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST))
+    _right_side(links, table[_SOLVED], phase, scale, every)
+    norm, start = 0.0, every.reshape(-1)
     for field in range(_SOLVED):
-        for row in range(rows):
-            line, given = solution[field, BORDER + row], table[field, (phase + row) % table.shape[1]]
-            for column in range(columns):
-                line[column] = -given[column]
-    unused = np.empty(_SOLVED)
-    multiply(system, solution, residual, unused)
-    norm = 0.0
-    for field in range(_SOLVED):
-        norm = max(norm, weighted_product(system.inverse[0], residual[field], residual[field]))
-        for row in range(rows):
-            line, pinned = solution[field, BORDER + row], table[_SOLVED, (phase + row) % table.shape[1]]
-            for column in range(columns):
-                line[column] = _QUARTER * (_ONE - pinned[column])
-    product = zeros(*residual.shape)
-    multiply(system, solution, product, unused)
-    for field in range(_SOLVED):
-        for row in range(BORDER, BORDER + rows):
-            line, source = residual[field, row], product[field, row]
-            for column in range(columns):
-                line[column] -= source[column]
+        _right_side(links, table[field], phase, scale, residual[field])
+        norm = max(norm, product(residual[field], residual[field]))
+        out = residual[field].reshape(-1)
+        for index in range(len(out)):
+            out[index] -= _QUARTER * start[index]
     return norm
 
 
 @kernel
-def _finish(solution: Floats2, given: Floats2, fields: Floats2) -> None:
+def _right_side(links: Floats3, given: Floats2, phase: int, scale: Floats2, out: Floats2) -> None:
+    """Write the scaled sum of the links to blocks. given: values at these, see `_pins`."""
+    values = zeros(*scale.shape)
+    for row in range(scale.shape[0] - 2 * BORDER):
+        line, source = values[BORDER + row], given[(phase + row) % len(given)]
+        for column in range(len(source)):
+            line[column] = source[column]
+    linked_sum(links, values, out)
+    sums, roots = out.reshape(-1), scale.reshape(-1)
+    for index in range(len(sums)):
+        sums[index] *= roots[index]
+
+
+@kernel
+def _scale(links: Floats3, scale: Floats2) -> None:
+    """Scale the links."""
+    (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
+    right, down, down_right, down_left = links[0].reshape(-1), links[1].reshape(-1), links[2].reshape(-1), links[3].reshape(-1)
+    roots = scale.reshape(-1)
+    for row in range(BORDER, rows - BORDER):
+        for column in range(width):
+            here = np.uintp(row * width) + np.uintp(column)
+            # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
+            right[here] = right[here] * roots[here] * roots[here + one]
+            down[here] = down[here] * roots[here] * roots[here + below]
+            down_right[here] = down_right[here] * roots[here] * roots[here + below + one]
+            down_left[here] = down_left[here] * roots[here] * roots[here + below - one]
+
+
+@kernel
+def _finish(solution: Floats2, scale: Floats1, given: Floats2, fields: Floats2) -> None:
     """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding and tolerance."""
     columns = fields.shape[1]
-    scale = zeros(columns)
+    sums, pinned, last = zeros(columns), given[_SOLVED], fields[_SOLVED]
     for field in range(_SOLVED):
         source, pin, out = solution[field], given[field], fields[field]
         for column in range(columns):
-            out[column] = max(source[column] + pin[column], _ZERO)
-            scale[column] += out[column]
-    last = fields[_SOLVED]
+            start = pin[column] + _QUARTER * (_ONE - pinned[column])
+            out[column] = max(start + scale[column] * source[column], _ZERO)
+            sums[column] += out[column]
     for column in range(columns):
-        last[column] = max(_ONE - scale[column], _ZERO)
-        scale[column] = _ONE / (scale[column] + last[column])
+        last[column] = max(_ONE - sums[column], _ZERO)
+        sums[column] = _ONE / (sums[column] + last[column])
     for field in range(CLASSES):
         out = fields[field]
         for column in range(columns):
-            out[column] *= scale[column]
+            out[column] *= sums[column]
