@@ -2,21 +2,21 @@
 
 Fields x_f of a region solve, at every pixel n with its neighbours n',
 
-    x_f[n] - sum_n' link[n, n'] x_f[n'] + sum_g normal_fg[n] x_g[n] = right side_f[n].
+    diagonal_f[n] x_f[n] - sum_n' link[n, n'] x_f[n'] + sum_g coupling_fg[n] x_g[n] = right side_f[n].
 
-Fields without normal matrices take steps of their own, others a common step. Their preconditioner is the diagonal and a second level
-(additive Schwarz: Dryja and Widlund 1987), the same equations for fields that are constant on each of some squares, solved directly:
-where samples are few or uncertain, each influences hundreds of pixels, which would take as many iterations. Equations without normal
-matrices come scaled to a diagonal of one, which is the usual diagonal preconditioning without a diagonal to read.
+Coupled fields take a common step, others steps of their own. Equations may come scaled to a diagonal of one, which is the usual
+diagonal preconditioning without a diagonal to read. For others the preconditioner is the diagonal and a second level (additive
+Schwarz: Dryja and Widlund 1987), the same equations for fields that are constant on each of some squares, solved directly: where
+samples are few or uncertain, each influences hundreds of pixels, which would take as many iterations.
 
 A region lies in planes with two rows of zeros above and below. Rows follow each other without a gap: the neighbours of an element
 lie at constant distances from it, and those beyond the left and right edge belong to other rows, so that links to them have to be
-zero. Links are read once for `TOGETHER` fields. Sums run down columns first, which compilers vectorise without changing their order.
+zero. Links are read once for `TOGETHER` fields. Sums run down columns first: compilers vectorise that without changing the order.
 Indices are unsigned: a signed one is tested for being negative, which keeps loops from being vectorised.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,21 @@ BORDER = 2
 """Rows of zeros above a region, and below it."""
 _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have no rest
 _SQUARE = 8  # pixels: side of the squares; chosen for speed
+Unsigned = np.unsignedinteger[Any]
 _ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
+
+
+class System(NamedTuple):
+    """The equations.
+
+    links: (4, ...), 0 or more, from each pixel to the one on its right, below, below right and below left.
+    diagonal: (F, ...), or none: 1.
+    coupling: (F (F - 1) / 2, ...), of fields 0 and 1, 0 and 2 ... 1 and 2 ..., or none.
+    """
+
+    links: Floats3
+    diagonal: Floats3
+    coupling: Floats3
 
 
 class Limits(NamedTuple):
@@ -103,53 +117,46 @@ def product(one: Floats2, other: Floats2) -> float:
 
 
 @kernel
-def solve(links: Floats3, normal: Floats3, residual: Floats3, solution: Floats3, limits: Limits, norm: float) -> tuple[float, int]:
+def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, norm: float) -> tuple[float, int]:
     """Improve a solution until its residual is small enough.
 
-    links: (4, ...), from each pixel to the one on its right, below, below right and below left.
-    normal: (F (F + 1) / 2, ...), upper triangles: of fields 0 and 0, 0 and 1 ... 1 and 1 ...; or none.
     residual: (F, ...), right side minus matrix times `solution`; changed.
     solution: (F, ...), changed.
     norm: squared norm to which the largest residual is relative, in that of the preconditioner; 0 = that of the start.
     Returns the norm of the largest residual, relative to `norm`, and the iterations used. NaN if a value is not finite.
     """
-    count, joint = len(residual), len(normal) > 0
+    count, levels, joint = len(residual), len(system.diagonal) > 0, len(system.coupling) > 0
     direction, applied, better = zeros(*residual.shape), zeros(*residual.shape), residual
-    inverse, factors = normal, np.zeros((0, 0, 0))
-    if joint:
-        better, inverse, factors = zeros(*residual.shape), _inverses(normal, count), _factors(links, normal, count)
+    inverse, factors = system.diagonal, np.zeros((0, 0, 0))
+    if levels:
+        better, inverse, factors = zeros(*residual.shape), _inverses(system.diagonal), _factors(system)
     steps, squared, before, curvature = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     used = 0
     while True:
         for field in range(count):
             step = np.float32(steps[field])
             squared[field] = _advance(solution[field], residual[field], direction[field], applied[field], step)
-            if joint:
+            if levels:
                 _precondition(residual[field], inverse[field], factors[field], better[field])
                 squared[field] = product(residual[field], better[field])
-        _join(squared, joint)
+        if joint:
+            squared[:] = squared.sum()
         norm = norm if norm > 0 else squared.max()
         if used == limits.iterations or not (squared > limits.tolerance**2 * norm).any():
             return math.sqrt(squared.max() / norm) if norm != 0 else 0.0, used
         used += 1
         for field in range(count):
             _turn(direction[field], better[field], np.float32(squared[field] / before[field] if before[field] > 0 else 0))
-        _multiply(links, direction, applied)
-        if joint:
-            _add_normal(normal, direction, applied)
+        _multiply(system.links, _ZERO if levels else _ONE, direction, applied)
+        if levels:
+            _add_diagonal(system, direction, applied)
         for field in range(count):
             curvature[field] = product(direction[field], applied[field])
-        _join(curvature, joint)
+        if joint:
+            curvature[:] = curvature.sum()
         for field in range(count):
             steps[field] = squared[field] / curvature[field] if curvature[field] != 0 else 0
             before[field] = squared[field]
-
-
-@kernel
-def _join(products: Doubles1, joint: bool) -> None:
-    """Replace the products of fields by their sum, where they take a common step."""
-    if joint:
-        products[:] = products.sum()
 
 
 @kernel
@@ -162,8 +169,8 @@ def _total(sums: Floats1) -> float:
 
 
 @kernel
-def _multiply(links: Floats3, values: Floats3, product: Floats3) -> None:
-    """Write the matrix, without normal matrices, times fields to `product`."""
+def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats3) -> None:
+    """Write a constant diagonal times fields, less what is linked to them, to `product`."""
     (count, rows, width), flat = values.shape, links.reshape(-1)
     below, plane = np.uintp(width), np.uintp(rows * width)
     for group in range(0, count, TOGETHER):
@@ -173,16 +180,16 @@ def _multiply(links: Floats3, values: Floats3, product: Floats3) -> None:
                 first = np.uintp(row * width) + np.uintp(column)
                 second, third = first + plane, first + plane + plane
                 edges = _edges(flat, first, below, plane)
-                one = x[first] - _around(edges, x, first, below)
-                two = x[second] - _around(edges, x, second, below)
-                three = x[third] - _around(edges, x, third, below)
+                one = diagonal * x[first] - _around(edges, x, first, below)
+                two = diagonal * x[second] - _around(edges, x, second, below)
+                three = diagonal * x[third] - _around(edges, x, third, below)
                 out[first] = one
                 out[second] = two
                 out[third] = three
 
 
 @kernel
-def _edges(links: Floats1, index: int, below: int, plane: int) -> Edges:
+def _edges(links: Floats1, index: Unsigned, below: Unsigned, plane: Unsigned) -> Edges:
     """The links of a pixel. below, plane: elements of a row and of a plane."""
     down, right, left = index + plane, index + plane + plane, index + plane + plane + plane
     return Edges(
@@ -192,7 +199,7 @@ def _edges(links: Floats1, index: int, below: int, plane: int) -> Edges:
 
 
 @kernel
-def _around(edges: Edges, values: Floats1, index: int, below: int) -> Scalar:
+def _around(edges: Edges, values: Floats1, index: Unsigned, below: Unsigned) -> Scalar:
     """The sum of the neighbours' values, weighted."""
     return (
         edges.right * values[index + _NEXT]
@@ -230,14 +237,14 @@ def _turn(direction: Floats2, better: Floats2, turn: Scalar) -> None:
 
 
 @kernel
-def _add_normal(normal: Floats3, direction: Floats3, applied: Floats3) -> None:
-    """Add the normal matrices times a direction."""
+def _add_diagonal(system: System, direction: Floats3, applied: Floats3) -> None:
+    """Add what the diagonal and couplings make of a direction."""
     place = 0
     for one in range(len(direction)):
-        for other in range(one, len(direction)):
-            _add_product(normal[place], direction[other], applied[one])
-            if other > one:
-                _add_product(normal[place], direction[one], applied[other])
+        _add_product(system.diagonal[one], direction[one], applied[one])
+        for other in range(one + 1, len(direction) if len(system.coupling) > 0 else 0):
+            _add_product(system.coupling[place], direction[other], applied[one])
+            _add_product(system.coupling[place], direction[one], applied[other])
             place += 1
 
 
@@ -249,19 +256,12 @@ def _add_product(weight: Floats2, values: Floats2, out: Floats2) -> None:
 
 
 @kernel
-def _diagonal(normal: Floats3, field: int, count: int) -> Floats2:
-    """The elements of a field's normal matrices that belong to the field alone."""
-    return normal[field * count - field * (field - 1) // 2]
-
-
-@kernel
-def _inverses(normal: Floats3, count: int) -> FloatArray:
-    """One over the diagonals."""
-    result = unset(count, *normal.shape[1:])
-    for field in range(count):
-        source, out = _diagonal(normal, field, count).reshape(-1), result[field].reshape(-1)
-        for index in range(len(out)):
-            out[index] = _ONE / (_ONE + source[index])
+def _inverses(diagonal: Floats3) -> FloatArray:
+    """One over the diagonal, 0 where that is 0."""
+    result = unset(*diagonal.shape)
+    source, out = diagonal.reshape(-1), result.reshape(-1)
+    for index in range(len(out)):
+        out[index] = _ONE / source[index] if source[index] > _ZERO else _ZERO
     return result
 
 
@@ -287,36 +287,35 @@ def _precondition(residual: Floats2, inverse: Floats2, factor: Doubles2, better:
 
 
 @kernel
-def _factors(links: Floats3, normal: Floats3, count: int) -> Doubles3:
-    """The Cholesky factors of the equations for squares, each field by itself: (F, squares, squares), banded."""
-    _, rows, width = links.shape
+def _factors(system: System) -> Doubles3:
+    """The Cholesky factors of the equations for squares, without couplings: (F, squares, squares), banded."""
+    count, rows, width = system.diagonal.shape
     across = (width + _SQUARE - 1) // _SQUARE
     squares = (rows - 2 * BORDER + _SQUARE - 1) // _SQUARE * across
     factors = np.zeros((count, squares, squares))
+    for row in range(rows - 2 * BORDER):
+        for column in range(width):
+            square = row // _SQUARE * across + column // _SQUARE
+            factors[:, square, square] += system.diagonal[:, BORDER + row, column]
+            for side in range(4):
+                link = system.links[side, BORDER + row, column]
+                if link > _ZERO:
+                    other = (row + (side > 0)) // _SQUARE * across + (column + (1, 0, 1, -1)[side]) // _SQUARE
+                    factors[:, max(square, other), min(square, other)] -= 2 * link if other == square else link
     for field in range(count):
-        factor, diagonal = factors[field], _diagonal(normal, field, count)
-        for row in range(rows - 2 * BORDER):
-            for column in range(width):
-                square = row // _SQUARE * across + column // _SQUARE
-                factor[square, square] += _ONE + diagonal[BORDER + row, column]
-                for side in range(4):
-                    link = links[side, BORDER + row, column]
-                    if link > _ZERO:
-                        other = (row + (side > 0)) // _SQUARE * across + (column + (1, 0, 1, -1)[side]) // _SQUARE
-                        factor[max(square, other), min(square, other)] -= 2 * link if other == square else link
-        _factorise(factor, across + 1)
+        _factorise(factors[field], across + 1)
     return factors
 
 
 @kernel
 def _factorise(factor: Doubles2, band: int) -> None:
-    """Replace a banded matrix by its Cholesky factor."""
+    """Replace a banded matrix by its Cholesky factor; rows without an equation get a diagonal of 1."""
     for row in range(len(factor)):
         for column in range(max(row - band, 0), row + 1):
             rest = factor[row, column]
             for before in range(max(row - band, 0), column):
                 rest -= factor[row, before] * factor[column, before]
-            factor[row, column] = rest / factor[column, column] if column < row else math.sqrt(rest)
+            factor[row, column] = rest / factor[column, column] if column < row else math.sqrt(rest) if rest != 0 else 1
 
 
 @kernel

@@ -6,9 +6,9 @@ Weights, Eq. 12: c[n, n'] = exp(-max(e[n], e[n'])), e that of the direction from
 Fields, Eq. 11: alpha minimises the sum over neighbours of c[n, n'] (alpha[n] - alpha[n'])^2, with alpha given at the blocks: at all
 other pixels alpha[n] is the mean of its neighbours, weighted by c.
 
-There is one field per parity class of blocks (even or odd block row and column): 1 at blocks of the class, 0 at all others. The four
-blocks at the corners of a patch belong to four different classes, so the four fields hold every map that the patch needs. They sum
-to one at every pixel, so only three are solved (errata: "three maps out of every four").
+There is one field per parity class of blocks (even or odd block row and column): 1 at blocks of the class, 0 at all others. The
+four blocks at the corners of a patch belong to four different classes, so the four fields hold every map that the patch needs. They
+sum to one at every pixel, so only three are solved (errata: "three maps out of every four").
 
 The fields are those of the whole frame, solved region by region. A region is a core of patches and a halo around it, cut where the
 domain ends; cores form a grid that starts with the first patch. Blocks hold the fields at every corner of every patch, so influence
@@ -29,7 +29,7 @@ from shared.progress import SILENT, Progress
 
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.conjugate_gradients import BORDER, Limits, cut, linked_sum, planes, product, solve
+from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, linked_sum, planes, product, solve
 from ..numerics.functions import unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import report
@@ -205,7 +205,8 @@ def solve_regions(
         norm = _start(links, table, phase, scale, residual)
         _scale(links, scale)
         solution = zeros(*residual.shape)
-        solutions.residuals[region], solutions.used[region] = solve(links, links[:0], residual, solution, limits, norm)
+        system = System(links, links[:0], links[:0])
+        solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm)
         place = (top - regions.first) * period, left * period
         for row in range((bottom - top) * period):
             inner = (top - above) * period + row
@@ -239,8 +240,8 @@ def _weigh(through: Floats3, links: Floats3) -> None:
             under, either = here + below, min(h[here], v[here])
             right[here] = min(h[here], h[here + one])
             down[here] = min(v[here], v[under])
-            down_right[here] = min(either, min(h[under + one], v[under + one]))
-            down_left[here] = min(either, min(h[under - one], v[under - one]))
+            down_right[here] = min(either, h[under + one], v[under + one])
+            down_left[here] = min(either, h[under - one], v[under - one])
 
 
 @kernel
@@ -311,7 +312,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
 
 @kernel
 def _start(links: Floats3, table: Floats3, phase: int, scale: Floats2, residual: Floats3) -> float:
-    """Write what scales the equations to a diagonal of one, and the residuals of the start. Returns the largest square of a right side.
+    """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the largest square of a right side.
 
     The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the values given at blocks n'. The start
     is the same in all four fields, a quarter at every other pixel: a pixel that edges cut off from every block is then shared by

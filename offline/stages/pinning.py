@@ -180,21 +180,17 @@ def pin_samples(
         top, bottom = rows[0] - first + top, rows[0] - first + bottom
         above, below, before, after = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)
         size = below - above, after - before
-        links, normal, right_side, field = zeros(4, *size), zeros(1, *size), zeros(1, *size), zeros(1, *size)
+        links, normal, right_side, fields = zeros(4, *size), zeros(count, *size), zeros(count, *size), zeros(count, *size)
         link(luminance[above:below, before:after], prior, links)
-        residuals[number], used[number] = 0.0, 0
-        for channel in range(count):
-            for row in range(size[0]):
-                for column in range(size[1]):
-                    y, x = above + row, before + column
-                    weight = weights[y, x] if channels[y, x] == channel else _ZERO
-                    normal[0, row, column] = weight
-                    right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
-                    field[0, row, column] = _ZERO
-            residual, iterations = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, field)
-            used[number] = max(iterations, used[number])
-            if residual > residuals[number] or np.isnan(residual):
-                residuals[number] = residual
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]
+        for row in range(size[0]):
+            for column in range(size[1]):
+                y, x = above + row, before + column
+                channel, weight = channels[y, x], weights[y, x]
+                if channel < count:
+                    normal[channel, row, column] = weight
+                    right_side[channel, row, column] = weight * (ratios[y, x] - base[y, x, channel])
+        residuals[number], used[number] = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, fields)
+        for y in range(top, bottom):
+            for x in range(left, right):
+                for channel in range(count):
+                    out[y - rows[0] + first, x, channel] = base[y, x, channel] + fields[channel, y - above, x - before]
