@@ -126,10 +126,12 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
     Returns the norm of the largest residual, relative to `norm`, and the iterations used. NaN if a value is not finite.
     """
     count, levels, joint = len(residual), len(system.diagonal) > 0, len(system.coupling) > 0
-    direction, applied, better = zeros(*residual.shape), zeros(*residual.shape), residual
+    # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
+    work = zeros((3 if levels else 2) * count, *residual.shape[1:])
+    direction, applied, better = work[:count], work[count : 2 * count], work[2 * count :] if levels else residual
     inverse, factors = system.diagonal, np.zeros((0, 0, 0))
     if levels:
-        better, inverse, factors = zeros(*residual.shape), _inverses(system.diagonal), _factors(system)
+        inverse, factors = _inverses(system.diagonal), _factors(system)
     steps, squared, before, curvature = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     used = 0
     while True:

@@ -90,6 +90,14 @@ class Regions(NamedTuple):
     along: int
 
 
+class Pins(NamedTuple):
+    """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and where in it a region begins."""
+
+    values: Floats3
+    row: int
+    column: int
+
+
 class Solutions(NamedTuple):
     """Results, written.
 
@@ -195,25 +203,27 @@ def solve_regions(
         above, before = max(top - HALO, 0), max(left - HALO, 0)
         size = (min(bottom + HALO, height) - above) * period, (min(right + HALO, regions.across) - before) * period
         light = _window(frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach))
-        # The table repeats with two patches: from here on it is the region's.
-        table = pins[:, :, before % 2 * period : before % 2 * period + size[1]]
-        phase = above % 2 * period
+        given = Pins(pins, above % 2 * period, before % 2 * period)
         links = planes(4, size)
         _weigh(transmission(light, period, filters), links)
         cut(links, size)
-        scale, residual = planes(1, size)[0], planes(_SOLVED, size)
-        norm = _start(links, table, phase, scale, residual)
+        # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
+        scale, unknowns = planes(1, size)[0], zeros(2 * _SOLVED, links.shape[1], links.shape[2])
+        solution, residual = unknowns[:_SOLVED], unknowns[_SOLVED:]
+        norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
-        solution = zeros(*residual.shape)
         system = System(links, links[:0], links[:0])
         solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm)
-        place = (top - regions.first) * period, left * period
         for row in range((bottom - top) * period):
-            inner = (top - above) * period + row
-            columns = slice((left - before) * period, (right - before) * period)
-            given = table[:, (phase + inner) % table.shape[1], columns]
-            out = solutions.fields[:, place[0] + row, place[1] : right * period]
-            _finish(solution[:, BORDER + inner, columns], scale[BORDER + inner, columns], given, out)
+            place = (top - regions.first) * period + row, left * period
+            inner = (top - above) * period + row, (left - before) * period
+            _finish(solution, scale, given, inner, solutions.fields, place, (right - left) * period)
+
+
+@kernel
+def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
+    """Values at the blocks in a row of a region."""
+    return pins.values[field, (pins.row + row) % pins.values.shape[1]][pins.column : pins.column + columns]
 
 
 @kernel
@@ -277,11 +287,15 @@ def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, ene
     smoothed, sloped, across, down = zeros(count + 2 * reach), zeros(count + 2 * reach), zeros(count), zeros(count)
     for step in range(reach + 1):
         above, below, weight, rise = light[(reach - step) * width :], light[(reach + step) * width :], smooth[step], slope[step]
+        if weight == _ZERO:  # beyond the end of a smaller scale
+            break
         for index in range(count):
             smoothed[index] += weight * (above[index] + below[index])
             sloped[index] += rise * (below[index] - above[index])
     for step in range(reach + 1):
         left, right, weight, rise = smoothed[reach - step :], smoothed[reach + step :], smooth[step], slope[step]
+        if weight == _ZERO:  # beyond the end of a smaller scale
+            break
         before, after = sloped[reach - step :], sloped[reach + step :]
         for index in range(count):
             across[index] += rise * (right[index] - left[index])
@@ -311,7 +325,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
 
 
 @kernel
-def _start(links: Floats3, table: Floats3, phase: int, scale: Floats2, residual: Floats3) -> float:
+def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: Floats3) -> float:
     """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the largest square of a right side.
 
     The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the values given at blocks n'. The start
@@ -320,17 +334,16 @@ def _start(links: Floats3, table: Floats3, phase: int, scale: Floats2, residual:
 
     scale: d^(-1/2), 0 at the blocks.
     """
-    size = links.shape[1] - 2 * BORDER, table.shape[2]
-    every, ones = planes(1, size)[0], np.ones(scale.shape, np.float32)
-    linked_sum(links, ones, scale)
-    for row in range(size[0]):
-        line, pinned = scale[BORDER + row], table[_SOLVED, (phase + row) % table.shape[1]]
-        for column in range(size[1]):
+    every = zeros(*scale.shape)
+    linked_sum(links, np.ones(scale.shape, np.float32), scale)
+    for row in range(scale.shape[0] - 2 * BORDER):
+        line, pinned = scale[BORDER + row], _given(pins, _SOLVED, row, columns)
+        for column in range(columns):
             line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST))
-    _right_side(links, table[_SOLVED], phase, scale, every)
+    _right_side(links, pins, _SOLVED, columns, scale, every)
     norm, start = 0.0, every.reshape(-1)
     for field in range(_SOLVED):
-        _right_side(links, table[field], phase, scale, residual[field])
+        _right_side(links, pins, field, columns, scale, residual[field])
         norm = max(norm, product(residual[field], residual[field]))
         out = residual[field].reshape(-1)
         for index in range(len(out)):
@@ -339,12 +352,12 @@ def _start(links: Floats3, table: Floats3, phase: int, scale: Floats2, residual:
 
 
 @kernel
-def _right_side(links: Floats3, given: Floats2, phase: int, scale: Floats2, out: Floats2) -> None:
-    """Write the scaled sum of the links to blocks. given: values at these, see `_pins`."""
+def _right_side(links: Floats3, pins: Pins, field: int, columns: int, scale: Floats2, out: Floats2) -> None:
+    """Write the scaled sum of the links to blocks."""
     values = zeros(*scale.shape)
     for row in range(scale.shape[0] - 2 * BORDER):
-        line, source = values[BORDER + row], given[(phase + row) % len(given)]
-        for column in range(len(source)):
+        line, source = values[BORDER + row], _given(pins, field, row, columns)
+        for column in range(columns):
             line[column] = source[column]
     linked_sum(links, values, out)
     sums, roots = out.reshape(-1), scale.reshape(-1)
@@ -369,20 +382,25 @@ def _scale(links: Floats3, scale: Floats2) -> None:
 
 
 @kernel
-def _finish(solution: Floats2, scale: Floats1, given: Floats2, fields: Floats2) -> None:
-    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding and tolerance."""
-    columns = fields.shape[1]
-    sums, pinned, last = zeros(columns), given[_SOLVED], fields[_SOLVED]
+def _finish(solution: Floats3, scale: Floats2, pins: Pins, inner: Pair, fields: Floats3, place: Pair, columns: int) -> None:
+    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding and tolerance.
+
+    inner, place: row and first column in the region, and in `fields`.
+    """
+    row, left = inner
+    sums, pinned, roots = zeros(columns), _given(pins, _SOLVED, row, left + columns)[left:], scale[BORDER + row][left:]
     for field in range(_SOLVED):
-        source, pin, out = solution[field], given[field], fields[field]
+        source, pin = solution[field, BORDER + row][left:], _given(pins, field, row, left + columns)[left:]
+        out = fields[field, place[0]][place[1] :]
         for column in range(columns):
             start = pin[column] + _QUARTER * (_ONE - pinned[column])
-            out[column] = max(start + scale[column] * source[column], _ZERO)
+            out[column] = max(start + roots[column] * source[column], _ZERO)
             sums[column] += out[column]
+    last = fields[_SOLVED, place[0]][place[1] :]
     for column in range(columns):
         last[column] = max(_ONE - sums[column], _ZERO)
         sums[column] = _ONE / (sums[column] + last[column])
     for field in range(CLASSES):
-        out = fields[field]
+        out = fields[field, place[0]][place[1] :]
         for column in range(columns):
             out[column] *= sums[column]

@@ -20,7 +20,7 @@ from shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import unset, zeros
+from ..numerics.functions import unset
 from ..parts import Look, Part, RowStage
 from ..stage import Finite, StageSettings
 from ..tiling import core_patches, domain_places, patches_of
@@ -167,17 +167,23 @@ def mix(
 def _expand(blocks: Floats3, light: Light, patch: int, period: int) -> tuple[Floats2, Floats3, Floats2]:
     """Repeat luminance and chromaticity of each class's corner over its patch, and the mean chromaticity of the four corners."""
     count, channels = blocks.shape[1] - 1, blocks.shape[2]
-    lit, colour, mean = unset(CLASSES, count * period), unset(channels, CLASSES, count * period), zeros(channels, count * period)
-    for across in range(count):
-        left, right = across * period, (across + 1) * period
-        for kind in range(CLASSES):
-            down, over = (kind // 2 - patch) % 2, (kind % 2 - across) % 2  # the corner of the patch that the class is at
-            row, column = light.rows[patch * period + down * (period - 1)], light.columns[left + over * (period - 1)]
-            lit[kind, left:right] = max(light.luminance[row, column], _ZERO)  # l[n_j]
+    lit, colour, mean = unset(CLASSES, count * period), unset(channels, CLASSES, count * period), unset(channels, count * period)
+    for kind in range(CLASSES):
+        down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
+        source = light.luminance[light.rows[patch * period + down * (period - 1)]]
+        for across in range(count):
+            over = (kind % 2 - across) % 2
+            sample = max(source[light.columns[across * period + over * (period - 1)]], _ZERO)  # l[n_j]
+            for column in range(across * period, (across + 1) * period):
+                lit[kind, column] = sample
             for channel in range(channels):
                 value = blocks[patch + down, across + over, channel]
-                colour[channel, kind, left:right] = value
-                mean[channel, left:right] += _QUARTER * value
+                for column in range(across * period, (across + 1) * period):
+                    colour[channel, kind, column] = value
+    for channel in range(channels):
+        a, b, c, d, line = colour[channel, 0], colour[channel, 1], colour[channel, 2], colour[channel, 3], mean[channel]
+        for column in range(len(line)):
+            line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
     return lit, colour, mean
 
 
