@@ -141,11 +141,10 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
             if levels:
                 _precondition(residual[field], inverse[field], factors[field], better[field])
                 squared[field] = product(residual[field], better[field])
-        if joint:
-            squared[:] = squared.sum()
-        norm = norm if norm > 0 else squared.max()
-        if used == limits.iterations or not (squared > limits.tolerance**2 * norm).any():
-            return math.sqrt(squared.max() / norm) if norm != 0 else 0.0, used
+        worst = _largest(squared, joint)
+        norm = norm if norm > 0 else worst
+        if used == limits.iterations or not worst > limits.tolerance**2 * norm:
+            return math.sqrt(worst / norm) if norm != 0 else 0.0, used
         used += 1
         for field in range(count):
             _turn(direction[field], better[field], np.float32(squared[field] / before[field] if before[field] > 0 else 0))
@@ -154,11 +153,23 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
             _add_diagonal(system, direction, applied)
         for field in range(count):
             curvature[field] = product(direction[field], applied[field])
-        if joint:
-            curvature[:] = curvature.sum()
+        _largest(curvature, joint)
         for field in range(count):
             steps[field] = squared[field] / curvature[field] if curvature[field] != 0 else 0
             before[field] = squared[field]
+
+
+@kernel
+def _largest(products: Doubles1, joint: bool) -> float:
+    """The largest product of a field, NaN if one is. Products of coupled fields become their sum."""
+    total = largest = 0.0
+    for value in products:
+        total += value
+        if value > largest or math.isnan(value):
+            largest = value
+    for field in range(len(products) if joint else 0):
+        products[field] = total
+    return total if joint else largest
 
 
 @kernel
@@ -298,12 +309,14 @@ def _factors(system: System) -> Doubles3:
     for row in range(rows - 2 * BORDER):
         for column in range(width):
             square = row // _SQUARE * across + column // _SQUARE
-            factors[:, square, square] += system.diagonal[:, BORDER + row, column]
+            for field in range(count):
+                factors[field, square, square] += system.diagonal[field, BORDER + row, column]
             for side in range(4):
                 link = system.links[side, BORDER + row, column]
-                if link > _ZERO:
-                    other = (row + (side > 0)) // _SQUARE * across + (column + (1, 0, 1, -1)[side]) // _SQUARE
-                    factors[:, max(square, other), min(square, other)] -= 2 * link if other == square else link
+                over = 0 if side == 1 else -1 if side == 3 else 1  # columns to the right
+                other = (row + (side > 0)) // _SQUARE * across + (column + over) // _SQUARE
+                for field in range(count if link > _ZERO else 0):
+                    factors[field, max(square, other), min(square, other)] -= 2 * link if other == square else link
     for field in range(count):
         _factorise(factors[field], across + 1)
     return factors

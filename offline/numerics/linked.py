@@ -21,7 +21,7 @@ Prior = tuple[float, float, float]
 TILE = 128
 """Rows and columns of a tile, which is solved at a time. Chosen for speed."""
 _ITERATIONS = 1000  # at most; bursts of two to eight frames took 93 or less, in noise of 0 to 0.1
-_ONE, _HALF = np.float32(1), np.float32(0.5)
+_ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 def tiles_of(rows: tuple[int, int], width: int) -> int:
@@ -68,9 +68,11 @@ def solve(
     graph, degree = planes(4, (rows, columns)), planes(1, (rows, columns))[0]
     for side in range(4):
         _place(links[side], graph[side])
-    linked_sum(graph, np.ones(degree.shape, np.float32), degree)
     shape = degree.shape
     diagonal, residual, unknowns = zeros(count, *shape), zeros(count, *shape), zeros(count, *shape)
+    residual[0] = _ONE
+    linked_sum(graph, residual[0], degree)
+    residual[0] = _ZERO
     coupling = zeros(count * (count - 1) // 2 if coupled else 0, *shape)
     place = pair = 0
     for part in range(count):

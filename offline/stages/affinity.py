@@ -335,7 +335,9 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
     scale: d^(-1/2), 0 at the blocks.
     """
     every = zeros(*scale.shape)
-    linked_sum(links, np.ones(scale.shape, np.float32), scale)
+    every[:] = _ONE
+    linked_sum(links, every, scale)
+    every[:] = _ZERO
     for row in range(scale.shape[0] - 2 * BORDER):
         line, pinned = scale[BORDER + row], _given(pins, _SOLVED, row, columns)
         for column in range(columns):
