@@ -131,9 +131,7 @@ class Weighting(NamedTuple):
 
 
 @parallel_kernel(pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2])
-def mix(
-    pieces: Pieces, fields: Floats3, blocks: Floats3, light: Light, place: Place, weighting: Weighting, out: Floats3
-) -> None:
+def mix(pieces: Pieces, fields: Floats3, blocks: Floats3, light: Light, place: Place, weighting: Weighting, out: Floats3) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
     fields: (4, pixel rows, domain columns), the fields of whole rows of patches.
