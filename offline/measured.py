@@ -12,7 +12,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 
-from .blocks import Sites
+from .frame import Sites
 from .parts import Part
 
 EVEN = 0.01 / 3

@@ -19,8 +19,7 @@ from shared.networks import network_for
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .blocks import BlockSums
-from .cleaned import Cleaned, unclipped_blocks
+from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.solvers import Solved, SolverLog
 from .parts import Look, Part, RowStage, finish

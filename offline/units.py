@@ -23,22 +23,19 @@ def check_frames(mosaics: Sequence[Mosaic]) -> None:
     The message says by what to scale the latter. Codes always are: their calibration says what they mean, and a lens cap makes
     frames as dark as can be. So a dark frame is taken if its brightest sample is half a code of its sensor, and a black one too.
     """
-    for mosaic in mosaics:
-        height, width = mosaic.shape
-        if not mosaic.pattern.panchromatic_mask((min(height, mosaic.pattern.period), min(width, mosaic.pattern.period))).any():
+    for pattern, (height, width) in ((mosaic.pattern, mosaic.shape) for mosaic in mosaics):
+        if not pattern.panchromatic_mask((min(height, pattern.period), min(width, pattern.period))).any():
             raise InputError(
                 f"a frame of {width} x {height} pixels without a panchromatic one does not measure luminance; use a larger one"
             )
-    if any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics):
-        return
-    calibration = mosaics[0].calibration
-    brightest = max(max(-float(mosaic.samples.min()), float(mosaic.samples.max())) for mosaic in mosaics) / calibration.full_scale
-    least = min(1 / _FARTHEST, 0.5 * float(calibration.scale().min()) / calibration.full_scale)
-    if brightest and not least <= brightest <= _FARTHEST:
-        factor = 2.0 ** -frexp(brightest)[1]
+    white, step = mosaics[0].calibration.full_scale, 0.5 * float(mosaics[0].calibration.scale().min())
+    brightest = max(float(np.abs((mosaic.samples.min(), mosaic.samples.max())).max()) for mosaic in mosaics) / white
+    least = min(1 / _FARTHEST, step / white)
+    codes = any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics)
+    if brightest and not codes and not least <= brightest <= _FARTHEST:
         raise InputError(
             f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g}: it is not in scene "
-            f"units, whose white is about 1; multiply the samples, and their noise, by {factor:.3g}"
+            f"units, whose white is about 1; multiply the samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
         )
 
 
@@ -47,10 +44,9 @@ def check_finite(picture: FloatArray, first: int) -> None:
     with np.errstate(over="ignore"):
         if np.isfinite(picture.sum()):
             return
-    wrong = ~np.isfinite(picture).all(axis=2)
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0].tolist()
+    wrong = np.argwhere(~np.isfinite(picture).all(axis=2))
+    if len(wrong):
         raise RangeError(
-            f"{np.count_nonzero(wrong)} pixels of the picture are not finite (NaN or infinite), the first in row {first + row}, "
-            f"column {column}; this is a fault of the render: please report the shot and the settings"
+            f"{len(wrong)} pixels of the picture are not finite (NaN or infinite), the first in row {first + wrong[0, 0]}, column "
+            f"{wrong[0, 1]}; this is a fault of the render: please report the shot and the settings"
         )

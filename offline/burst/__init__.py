@@ -13,7 +13,6 @@ import numpy as np
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..measured import Measured
@@ -25,6 +24,7 @@ from ..units import check_frames
 from .align import Alignment, View, align, in_frame, in_reference
 from .colour import ColourSamples, Spreading, relit_sites
 from .merge import denoised, merged_luminance, unseen
+from .motion import Motion
 from .select import Comparison, Judged, compared, copies
 
 __all__ = [
@@ -64,7 +64,7 @@ class MergedBurst:
 
     @property
     def lost(self) -> ByteArray | None:
-        """Where all frames are clipped, uint8 (H, W), see `offline.cleaned.Cleaned`; None = nowhere."""
+        """Where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None = nowhere."""
         return self.measured.lost
 
 

@@ -19,11 +19,11 @@ from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray, strips
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
 from .align import DEVIATIONS, TINY, View, displaced, in_frame, in_reference
+from .motion import Motion
 
 CLIPPED = 0.98
 """Share of the sensor's limit from which on light counts as clipped. Chosen."""

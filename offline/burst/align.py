@@ -15,12 +15,12 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
-from shared.motion import Motion
 
 from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolated
+from .motion import Motion
 
 DEVIATIONS = 3.0
 """Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it costs 0.2 dB."""

@@ -25,8 +25,7 @@ from scipy.sparse import csr_array
 from shared.arrays import ByteArray, FloatArray, IndexArray
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums, Sites
-from ..cleaned import Cleaned, unclipped_blocks
+from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.arrays import Doubles1, Floats3, Frozen2, Ints1, Pair
 from ..numerics.compile import Pieces, parallel_kernel

@@ -16,7 +16,7 @@ from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import tile_at, zeros

@@ -9,10 +9,9 @@ import numpy as np
 from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..cleaned import Cleaned
+from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
 from ..render import restored
 from ..settings import RenderSettings
@@ -22,6 +21,7 @@ from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
 from .agree import CLIPPED, Frame, Reference, agreement, unclipped
 from .align import TINY, Alignment, View, displaced, find_motion
+from .motion import Motion
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame

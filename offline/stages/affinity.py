@@ -1,45 +1,45 @@
-"""How much each pixel belongs to each block: harmonic fields on a graph that luminance edges cut (section 3.3, Eqs. 11-13).
+"""Affinity of every pixel to the blocks around it (section 3.3, Eqs. 11-13): harmonic fields that edges of luminance cut.
 
-There is one field per parity class of blocks (even or odd block row and column): blocks of the class are pinned to 1, all others
-to 0. The four blocks at the corners of a patch belong to four different classes, so the four fields hold every map that the patch
-needs. They sum to one at every pixel, so only three are solved (errata: "three maps out of every four").
+Edges, Eq. 13: e_h = sum_s |G_hs * l|^2, the energy of horizontal derivatives of luminance l at the scales s, over its mean in the
+K x K patch (errata: the mean, not the sum); e_v alike, and e_d = max(e_h, e_v) along diagonals (errata).
+Weights, Eq. 12: c[n, n'] = exp(-max(e[n], e[n'])), e that of the direction from n to n'.
+Fields, Eq. 11: alpha minimises the sum over neighbours of c[n, n'] (alpha[n] - alpha[n'])^2, with alpha given at the blocks: at all
+other pixels alpha[n] is the mean of its neighbours, weighted by c.
 
-The fields are those of the whole frame, solved region by region (`solve_regions`). A region is a core of patches and a halo around
-it; cores form a grid that starts with the first patch. What lies beyond the halo changes the core by less than the solver's
-tolerance does.
+There is one field per parity class of blocks (even or odd block row and column): 1 at blocks of the class, 0 at all others. The
+four blocks at the corners of a patch belong to four different classes, so the four fields hold every map that the patch needs. They
+sum to one at every pixel, so only three are solved (errata: "three maps out of every four").
 
-Transmission of luminance edges: exp(-e) of Eqs. 12-13, horizontal and vertical, for every pixel of a window.
+The fields are those of the whole frame, solved region by region. A region is a core of patches and a halo around it, cut where the
+domain ends; cores form a grid that starts with the first patch. Blocks hold the fields at every corner of every patch, so influence
+falls about tenfold with each patch it has to cross: what lies beyond the halo changes the core by less than the solver's tolerance.
 
-The weight between neighbours n and n' is exp(-max(e[n], e[n'])), the lesser of their two transmissions. So weights are minima, and
-an exponential is computed once per pixel and direction, not once per pair.
-
-Harmonic fields on the graph of neighbouring pixels (Eqs. 11-13): conjugate gradients, region by region, three fields together.
-
-A region is a core of patches and a halo of patches around it, cut where the domain ends. Pixels beyond the halo are ignored: blocks
-pin the fields at every corner of every patch, so influence falls about tenfold with each patch it has to cross.
+Literally: tests/reference/affinity.py.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, FloatArray
 from shared.block_grid import BlockGrid
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from ..numerics.arrays import Bools1, Bools2, Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
+from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.conjugate import APPLIED, DIRECTION, MARGIN, RESIDUAL, SOLVED, around, conjugate_gradients
-from ..numerics.functions import exponential, unset, zeros
+from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, linked_sum, planes, product, solve
+from ..numerics.functions import unset, zeros
 from ..numerics.gaussian import TRUNCATE
-from ..numerics.lanes import WIDTH, Lanes, greater, lesser, load, quotient, square_root, store, total
 from ..numerics.solvers import report
 from ..stage import Between, Count, Range, StageSettings
 from ..tiling import HALO, core_patches, domain_places, patches_of
 
 _SCALES = Range(lambda value: min(value, default=0) > 0, "one or more positive scales")
+CLASSES = 4
+"""Parities of block row and column: the blocks around a pixel are one of each."""
+_SOLVED = CLASSES - 1
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,61 @@ class AffinitySettings(StageSettings):
     scales: Annotated[tuple[float, ...], _SCALES] = (0.5, 1.0)
     tolerance: Between = 1e-3
     iterations: Count = 20_000  # photographs take 120 at most; pages without noise, where blocks differ by rounding, took 1056
+
+
+class Filters(NamedTuple):
+    """Gaussians and their slopes, (scales, reach + 1), at distances 0, 1, ... pixels; at 0 half of them, for each of two sides."""
+
+    smooth: Floats2
+    slope: Floats2
+
+
+class Frame(NamedTuple):
+    """The frame as a domain of whole patches, mirrored beyond its edges.
+
+    luminance: (H, W), scene units.
+    rows, columns: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
+    """
+
+    luminance: Floats2
+    rows: Ints1
+    columns: Ints1
+
+
+class Regions(NamedTuple):
+    """Regions that are solved.
+
+    period: K, pixels.
+    first, end, across: first and end row of their cores, and the columns of the domain, in patches.
+    down, along: patches of a core; `first` is a multiple of `down`.
+    """
+
+    period: int
+    first: int
+    end: int
+    across: int
+    down: int
+    along: int
+
+
+class Pins(NamedTuple):
+    """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and where in it a region begins."""
+
+    values: Floats3
+    row: int
+    column: int
+
+
+class Solutions(NamedTuple):
+    """Results, written.
+
+    fields: (4, pixel rows, domain columns).
+    residuals, used: (regions,), relative residual of the worst field, and iterations.
+    """
+
+    fields: Floats3
+    residuals: Doubles1
+    used: Ints1
 
 
 def solve_affinities(
@@ -73,410 +128,281 @@ def solve_affinities(
     """
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
     period, across = grid.period, grid.patches[1]
-    core = core_patches(period)
-    filters = derivative_filters(settings.scales)
-    places = domain_places(grid, filters[0].shape[1] - 1)
-    pins = _pins(pattern, grid, (core[1] + 2 * HALO) * period)
+    down, along = core_patches(period)
     first, end = patches_of(grid, rows or (0, len(luminance)))
+    filters = derivative_filters(settings.scales)
+    places = domain_places(grid, filters.smooth.shape[1] - 1)
+    count = -(-(end - first) // down) * -(-across // along)
     fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
-    regions = -(-(end - first) // core[0]) * -(-across // core[1])
-    residuals, used = np.empty(regions), np.empty(regions, np.intp)
-    patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
-    solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, fields, residuals, used)
-    report(progress, "affinity", used, residuals, settings.tolerance)
+    solutions = Solutions(fields, np.empty(count), np.empty(count, np.intp))
+    regions = Regions(period, first, end, across, down, along)
+    limits = Limits(settings.tolerance, settings.iterations)
+    solve_regions(Frame(luminance, *places), regions, _pins(pattern, grid, (along + 2 * HALO) * period), filters, limits, solutions)
+    report(progress, "affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 
-def derivative_filters(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray, IndexArray]:
-    """A Gaussian and its slope at distances 0, 1, ... pixels, one row per scale, and the radius at which each ends.
-
-    scales: standard deviations, pixels. Returns float32 (scales, reach + 1) twice, and (scales,).
-    """
-    radii = np.array([int(TRUNCATE * scale + 0.5) for scale in scales])
-    distance = np.arange(radii.max() + 1)
-    smooth = np.array(
-        [np.exp(-(distance**2) / (2 * scale**2)) * (distance <= radius) for scale, radius in zip(scales, radii, strict=True)]
-    )
+def derivative_filters(scales: tuple[float, ...]) -> Filters:
+    """Gaussian filters at these scales, standard deviations in pixels."""
+    distance, deviation = np.arange(int(TRUNCATE * max(scales) + 0.5) + 1), np.array(scales)[:, None]
+    smooth = np.exp(-(distance**2) / (2 * deviation**2)) * (distance <= (TRUNCATE * deviation + 0.5).astype(int))
     smooth /= smooth[:, :1] + 2 * smooth[:, 1:].sum(axis=1, keepdims=True)
-    slope = smooth * distance / np.square(scales)[:, None]
-    return smooth.astype(np.float32), slope.astype(np.float32), radii
+    smooth[:, 0] /= 2  # the middle counts on both sides
+    return Filters(smooth.astype(np.float32), (smooth * distance / deviation**2).astype(np.float32))
 
 
 def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
-    """The pinned values of three classes, and where any pin is, as `solve_regions` takes them."""
+    """Values at the blocks, from the domain's corner on, repeating in both directions: (4, 2 K, 2 K + a region's columns).
+
+    1 at the blocks of class 0, 1 and 2, and last at all blocks.
+    """
     (above, _), (left, _) = grid.padding
-    shape = 2 * grid.period, 4 * grid.period + columns + 3 * WIDTH
+    shape = 2 * grid.period, 2 * grid.period + columns
     pinned = pattern.filter_map(shape, first=(-above, -left)) < len(pattern.channels)
     down, across = ((np.arange(size) + block // 2) // grid.period % 2 for size, block in zip(shape, grid.block_shape, strict=True))
-    parity = 2 * down[:, None] + across
-    classes: BoolArray = pinned & (parity == np.arange(CLASSES)[:, None, None])
-    classes[-1] = pinned
+    classes: BoolArray = pinned & (2 * down[:, None] + across == np.arange(CLASSES)[:, None, None])
+    classes[_SOLVED] = pinned
     return classes.astype(np.float32)
 
 
-Filters = tuple[Floats2, Floats2, Ints1]
-Filter = tuple[Floats1, Floats1, int]
-
-
-@kernel
-def transmission(light: Floats2, period: int, filters: Filters, through: Floats3) -> None:
-    """Compute exp(-e_h) and exp(-e_v) of a window of whole patches. A patch without gradients has a transmission of 1.
-
-    light: luminance of the window, with `reach` more pixels on every side and 3 WIDTH columns of slack at the right.
-    period: K, rows and columns of a patch.
-    filters: (smooth, slope, radii), (scales, reach + 1) twice, a Gaussian and its slope at distances 0, 1, ..., and (scales,), the
-        radius at which each ends.
-    through: (2, rows + 2, WIDTH + columns + 2 WIDTH), written from row 1, column WIDTH on.
-    """
-    smooth, slope, radii = filters
-    reach = smooth.shape[1] - 1
-    rows, columns = light.shape[0] - 2 * reach, light.shape[1] - 2 * reach - 3 * WIDTH
-    width = columns + WIDTH
-    energy, relative = zeros(2, period, width), zeros(2, width)
-    smoothed, sloped = zeros(light.shape[1]), zeros(light.shape[1])
-    for top in range(0, rows, period):
-        energy[:] = _ZERO
-        for row in range(period):
-            for scale in range(len(radii)):
-                pair = smooth[scale], slope[scale], radii[scale]
-                _filter_down(light, top + row + reach, columns + 2 * reach, pair, smoothed, sloped)
-                _add_energy(smoothed, sloped, columns, reach, pair, energy, row)
-        _over_mean(energy, columns, period, relative)
-        for row in range(period):
-            for axis in range(2):
-                for column in range(0, columns, WIDTH):
-                    e = load(energy, (axis, row, column)) * load(relative, (axis, column))
-                    store(through, (axis, top + row + 1, column + WIDTH), exponential(e))
-
-
-@kernel
-def _filter_down(light: Floats2, row: int, columns: int, pair: Filter, smoothed: Floats1, sloped: Floats1) -> None:
-    """Apply the vertical halves of both filters to one row.
-
-    The slope is a sum of differences of symmetric pairs, so that flat input gives exactly 0.
-    """
-    smooth, slope, radius = pair
-    for column in range(0, columns, WIDTH):
-        sum_ = smooth[0] * load(light, (row, column))
-        difference = _ZERO * load(light, (row, column))
-        for step in range(1, radius + 1):
-            above, below = load(light, (row - step, column)), load(light, (row + step, column))
-            sum_ += smooth[step] * (above + below)
-            difference += slope[step] * (below - above)
-        store(smoothed, column, sum_)
-        store(sloped, column, difference)
-
-
-@kernel
-def _add_energy(smoothed: Floats1, sloped: Floats1, columns: int, reach: int, pair: Filter, energy: Floats3, row: int) -> None:
-    """Apply the horizontal halves: add |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
-    smooth, slope, radius = pair
-    for column in range(0, columns, WIDTH):
-        across = _ZERO * load(smoothed, column)
-        down = smooth[0] * load(sloped, column + reach)
-        for step in range(1, radius + 1):
-            across += slope[step] * (load(smoothed, column + reach + step) - load(smoothed, column + reach - step))
-            down += smooth[step] * (load(sloped, column + reach + step) + load(sloped, column + reach - step))
-        store(energy, (0, row, column), load(energy, (0, row, column)) + across * across)
-        store(energy, (1, row, column), load(energy, (1, row, column)) + down * down)
-
-
-@kernel
-def _over_mean(energy: Floats3, columns: int, period: int, relative: Floats2) -> None:
-    """Write -1 / (mean energy of the patch) to all columns of each patch in a row of patches (errata: the mean, not the sum).
-
-    Two patches at a time, both axes: each sum has to wait for its last element, four are as fast as one.
-    """
-    for left in range(0, columns, 2 * period):
-        other = min(left + period, columns - period)  # if their number is odd, the last one twice
-        a = b = c = d = _ZERO
-        for row in range(period):
-            for step in range(period):
-                a += energy[0, row, left + step]
-                b += energy[1, row, left + step]
-                c += energy[0, row, other + step]
-                d += energy[1, row, other + step]
-        for step in range(period):
-            relative[0, left + step], relative[1, left + step] = _over(a, period), _over(b, period)
-            relative[0, other + step], relative[1, other + step] = _over(c, period), _over(d, period)
-
-
-@kernel
-def _over(total: Scalar, period: int) -> Scalar:
-    """-1 over the mean of a patch whose sum is `total`; 0 without energy."""
-    return np.float32(-period * period) / total if total > _ZERO else _ZERO
-
-
-CLASSES = 4
-"""Parities of block row and column: the blocks around a pixel are one of each."""
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-_ONES = (_ONE,) * 8
-_LEAST = np.float32(1e-37)
-_PLANES = 4 + 1 + 2 + 4 * SOLVED
+_LEAST, _LEAST_EXPONENT = np.float32(1e-37), np.float32(-87)  # e^-87 is about the least normal float32
+# e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
+# two parts, the first short enough that n times it is exact.
+_PER_LN2, _LN2_HIGH, _LN2_LOW = np.float32(1.4426950408889634), np.float32(0.693359375), np.float32(-2.12194440e-4)
+_EXP1, _EXP2, _EXP3, _EXP4, _EXP5 = (np.float32(c) for c in (0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139))
+_ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
 
 
-@parallel_kernel()
+@kernel
+def _exponential(x: Scalar) -> Scalar:
+    """e^x, relative error at most 1e-6, for x from `_LEAST_EXPONENT` to 87."""
+    power = max(x, _LEAST_EXPONENT) * _PER_LN2 + _ROUND
+    n = power - _ROUND
+    r = max(x, _LEAST_EXPONENT) - n * _LN2_HIGH - n * _LN2_LOW
+    value = _ONE + r * (_EXP1 + r * (_EXP2 + r * (_EXP3 + r * (_EXP4 + r * _EXP5))))
+    exponent = np.float32(power).view(np.int32) << np.int32(23)
+    return np.int32(np.float32(value).view(np.int32) + exponent).view(np.float32)
+
+
+@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
 def solve_regions(
-    pieces: Pieces,
-    luminance: Floats2,
-    places: tuple[Ints1, Ints1],
-    patches: tuple[int, int, int],
-    period: int,
-    core: Pair,
-    halo: int,
-    pins: Floats3,
-    filters: Filters,
-    limits: tuple[float, int],
-    fields: Floats3,
-    residuals: Doubles1,
-    used: Ints1,
+    pieces: Pieces, frame: Frame, regions: Regions, pins: Floats3, filters: Filters, limits: Limits, solutions: Solutions
 ) -> None:
     """Solve the fields of some rows of patches.
 
-    luminance: (H, W), scene units.
-    places: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
-    patches: (first row, end row, columns) of the patches. Both rows are multiples of `core[0]`, unless the domain ends there.
-    period: K, pixels.
-    core, halo: patches of a core, (down, across), and around it.
-    pins: (4, 2 period, 4 period + a region's columns + 3 WIDTH), from the domain's corner on, repeating in both directions: 1 at
-        the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
-    filters: (smooth, slope, radii) as `transmission` takes them.
-    limits: (tolerance, iterations) of conjugate gradients: norm of the residual relative to that of the right-hand side, both
-        scaled, and the most iterations.
-    fields: (4, pixel rows, domain columns), written.
-    residuals: (regions,), written: the relative residual of the worst field of each region.
-    used: (regions,), written: the iterations that each region used.
+    pins: see `_pins`.
+    limits: norm of the residual relative to that of the right-hand side, both over the roots of the diagonal, and iterations.
     """
-    (rows, columns), (first, end, across), (tolerance, iterations) = places, patches, limits
-    reach = filters[0].shape[1] - 1
-    height = len(rows) - 2 * reach
-    along = (across + core[1] - 1) // core[1]
-    tallest, widest = (core[0] + 2 * halo) * period, (core[1] + 2 * halo) * period
-    # Memory is taken once: fresh pages for every region would cost as much as solving it.
-    memory = unset(_PLANES * (tallest + 2) * _width(widest))
-    pinned = _pinned(pins)
-    window = unset((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
+    period, reach = regions.period, filters.smooth.shape[1] - 1
+    height = (len(frame.rows) - 2 * reach) // period
+    across = (regions.across + regions.along - 1) // regions.along
     for region in range(pieces[0], pieces[1]):
-        top, left = first + region // along * core[0], region % along * core[1]
-        bottom, right = min(top + core[0], end), min(left + core[1], across)
-        above, before = max(top - halo, 0), max(left - halo, 0)
-        below, after = min(bottom + halo, height // period), min(right + halo, across)
-        size = (below - above) * period, (after - before) * period
-        place = above * period, before * period
-        light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * WIDTH)].reshape(size[0] + 2 * reach, -1)
-        for row in range(size[0] + 2 * reach):
-            _gather(luminance[rows[place[0] + row]], columns[place[1] : place[1] + size[1] + 2 * reach], light[row])
-        width = _width(size[1])
-        planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
-        weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
-        for framed in (planes[:7], unknowns[DIRECTION:APPLIED]):
-            _frame(framed, size)
-        transmission(light, period, filters, through)
-        norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
-        residuals[region], used[region] = conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
-        inner = (top - above) * period, (left - before) * period
-        core_size = (bottom - top) * period, (right - left) * period
-        _finish(unknowns, scale, pins, place, inner, core_size, fields, ((top - first) * period, left * period))
+        top, left = regions.first + region // across * regions.down, region % across * regions.along
+        bottom, right = min(top + regions.down, regions.end), min(left + regions.along, regions.across)
+        above, before = max(top - HALO, 0), max(left - HALO, 0)
+        size = (min(bottom + HALO, height) - above) * period, (min(right + HALO, regions.across) - before) * period
+        light = _window(frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach))
+        given = Pins(pins, above % 2 * period, before % 2 * period)
+        links = planes(4, size)
+        _weigh(transmission(light, period, filters), links)
+        cut(links, size)
+        # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
+        scale, unknowns = planes(1, size)[0], zeros(2 * _SOLVED, links.shape[1], links.shape[2])
+        solution, residual = unknowns[:_SOLVED], unknowns[_SOLVED:]
+        norm = _start(links, given, size[1], scale, residual)
+        _scale(links, scale)
+        system = System(links, links[:0], links[:0])
+        solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm)
+        for row in range((bottom - top) * period):
+            place = (top - regions.first) * period + row, left * period
+            inner = (top - above) * period + row, (left - before) * period
+            _finish(solution, scale, given, inner, solutions.fields, place, (right - left) * period)
 
 
 @kernel
-def _width(columns: int) -> int:
-    """Columns of the planes of a region that has `columns` of its own."""
-    return MARGIN + (columns + WIDTH - 1) // WIDTH * WIDTH + MARGIN
+def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
+    """Values at the blocks in a row of a region."""
+    return pins.values[field, (pins.row + row) % pins.values.shape[1]][pins.column : pins.column + columns]
 
 
 @kernel
-def _gather(source: Floats1, places: Ints1, row: Floats1) -> None:
-    """Store the elements of a row of the frame that `places` names."""
-    for column in range(0, len(places), WIDTH):
-        first, end = places[column], min(column + WIDTH, len(places))
-        if places[end - 1] - first == WIDTH - 1:  # not mirrored
-            store(row, column, load(source, first))
-        else:
-            for place in range(column, end):
-                row[place] = source[places[place]]
+def _window(frame: Frame, place: Pair, size: Pair) -> FloatArray:
+    """Luminance of some rows and columns of the domain."""
+    light = unset(size[0], size[1])
+    columns = frame.columns[place[1] : place[1] + size[1]]
+    for row in range(size[0]):
+        source, line = frame.luminance[frame.rows[place[0] + row]], light[row]
+        for column in range(len(line)):
+            line[column] = source[columns[column]]
+    return light
 
 
 @kernel
-def _frame(planes: Floats3, size: Pair) -> None:
-    """Surround the rows and columns of a region by zeros."""
-    width = planes.shape[2]
-    for plane in range(len(planes)):
+def _weigh(through: Floats3, links: Floats3) -> None:
+    """Compute the weights of Eq. 12 as least transmissions: an exponential for each pixel, not for each pair."""
+    (_, rows, width), one = through.shape, np.uintp(1)
+    h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
+    right, down, down_right, down_left = links[0].reshape(-1), links[1].reshape(-1), links[2].reshape(-1), links[3].reshape(-1)
+    for row in range(BORDER, rows - BORDER):
         for column in range(width):
-            planes[plane, 0, column] = planes[plane, size[0] + 1, column] = _ZERO
-        for row in range(1, size[0] + 1):
-            for step in range(WIDTH):
-                planes[plane, row, step] = planes[plane, row, MARGIN + size[1] + step] = _ZERO
-                planes[plane, row, width - WIDTH + step] = _ZERO
+            here = np.uintp(row * width) + np.uintp(column)
+            under, either = here + below, min(h[here], v[here])
+            right[here] = min(h[here], h[here + one])
+            down[here] = min(v[here], v[under])
+            down_right[here] = min(either, h[under + one], v[under + one])
+            down_left[here] = min(either, h[under - one], v[under - one])
 
 
 @kernel
-def _pinned(pins: Floats3) -> Bools2:
-    """Whether any pixel of a row of the region, or of the rows around it, is pinned: per plane and row of `pins`."""
-    planes, rows, columns = pins.shape
-    found = np.zeros((planes, rows), np.bool_)
-    for plane in range(planes):
-        for row in range(rows):
-            for column in range(columns):
-                if pins[plane, row, column] > 0:
-                    for near in range(-1, 2):
-                        found[plane, (row + near) % rows] = True
-                    break
-    return found
+def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
+    """exp(-e_h) and exp(-e_v) of whole patches, two planes (see `planes`). A patch without gradients has 1.
 
-
-@kernel
-def _start(
-    through: Floats3, place: Pair, size: Pair, pins: Floats3, pinned: Bools2, weights: Floats3, scale: Floats2, unknowns: Floats3
-) -> float:
-    """Set up the system: weights, scaling and the residuals of the start. All planes are a region in a frame of zeros.
-
-    The start is the same in all four fields, a quarter at every free pixel: a pixel that edges cut off from every block is then
-    shared by all, not left to the fourth. Returns the largest squared norm of a right-hand side.
-
-    through: (2, rows + 2, width), from `transmission`.
-    weights: (4, rows + 2, width), written: c[n, n'] to the right, below, below right and below left, scaled.
-    scale: (rows + 2, width), written: d^(-1/2), d the sum of c over all eight neighbours; 0 where pinned.
-    unknowns: the residuals among them are written.
+    light: luminance, with the filters' reach more on every side.
     """
-    period2 = pins.shape[1]
-    squares = zeros(SOLVED, WIDTH)
-    for row in range(size[0] + 2):  # no neighbours past the end
-        for column in range(MARGIN + size[1], through.shape[2]):
-            through[0, row, column] = through[1, row, column] = _ZERO
-    for row in range(1, size[0] + 2):
-        if row <= size[0]:
-            at = (place[0] + row - 1) % period2
-            first = _phase(place, period2 // 2)
-            _weigh(through, row, size[1], weights)
-            _root(weights, row, size[1], pins[SOLVED, at, first:], scale)
-            _pull(weights, scale, row, size[1], pins, pinned[:, at], (at, first), unknowns[RESIDUAL:DIRECTION], squares)
-        if row > 1:  # both rows that need the weights as they were are done
-            _scale(weights, scale, row - 1, size[1])
-    return float(max(total(load(squares, (0, 0))), total(load(squares, (1, 0))), total(load(squares, (2, 0)))))
+    reach, width = filters.smooth.shape[1] - 1, light.shape[1]
+    rows, columns = light.shape[0] - 2 * reach, width - 2 * reach
+    through, energy = planes(2, (rows, columns)), zeros(2, period, width)
+    for top in range(0, rows, period):
+        energy[:] = _ZERO
+        around = light[top : top + period + 2 * reach].reshape(-1)
+        for scale in range(len(filters.smooth)):
+            _add_energy(around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1))
+        for axis in range(2):
+            relative = _over_mean(energy[axis], columns)
+            for row in range(period):
+                source, line = energy[axis, row], through[axis, BORDER + top + row]
+                for column in range(columns):
+                    line[column] = _exponential(source[column] * relative[column])
+    return through
 
 
 @kernel
-def _weigh(through: Floats3, row: int, columns: int, weights: Floats3) -> None:
-    """Compute the weights of Eq. 12 of one row."""
-    for column in range(MARGIN, MARGIN + columns, WIDTH):
-        h, v = load(through, (0, row, column)), load(through, (1, row, column))
-        either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
-        store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
-        store(weights, (1, row, column), lesser(v, load(through, (1, row + 1, column))))
-        for side in range(2):
-            other = row + 1, column + 1 - 2 * side
-            there = lesser(load(through, (0, *other)), load(through, (1, *other)))
-            store(weights, (2 + side, row, column), lesser(either, there))
+def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2) -> None:
+    """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap, columns too many have no meaning.
 
-
-@kernel
-def _root(weights: Floats3, row: int, columns: int, pins: Floats1, scale: Floats2) -> None:
-    """Compute the scaling of one row. pins: 1 at its pinned pixels."""
-    for column in range(MARGIN, MARGIN + columns, WIDTH):
-        degree = around(weights, row, column, _ONES)
-        free = _ONE - load(pins, column - MARGIN)
-        store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
-    for column in range(MARGIN + columns, scale.shape[1]):
-        scale[row, column] = _ZERO
-
-
-@kernel
-def _scale(weights: Floats3, scale: Floats2, row: int, columns: int) -> None:
-    """Scale the weights of one row."""
-    for column in range(MARGIN, MARGIN + columns, WIDTH):
-        here = load(scale, (row, column))
-        # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
-        store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
-        store(weights, (1, row, column), load(weights, (1, row, column)) * here * load(scale, (row + 1, column)))
-        store(weights, (2, row, column), load(weights, (2, row, column)) * here * load(scale, (row + 1, column + 1)))
-        store(weights, (3, row, column), load(weights, (3, row, column)) * here * load(scale, (row + 1, column - 1)))
-
-
-@kernel
-def _phase(place: Pair, period: int) -> int:
-    """The column of `pins` that belongs to a region's first column; there are further columns to its left."""
-    return 2 * period + place[1] % (2 * period)
-
-
-@kernel
-def _pull(
-    weights: Floats3,
-    scale: Floats2,
-    row: int,
-    columns: int,
-    pins: Floats3,
-    pinned: Bools1,
-    corner: Pair,
-    residuals: Floats3,
-    squares: Floats2,
-) -> None:
-    """Compute the residuals of one row, and add the squares of its right-hand sides to `squares`.
-
-    pinned: planes of `pins` in which a pixel of the row has pinned neighbours. corner: row and column of `pins` at the row's first.
+    Slopes are sums of differences of symmetric pairs, so that flat input gives exactly 0.
     """
-    at, first = corner
-    above, below = (at - 1) % pins.shape[1], (at + 1) % pins.shape[1]
-    for column in range(MARGIN, MARGIN + columns, WIDTH):
-        x, here = first + column - MARGIN, load(scale, (row, column))
-        nothing = _ZERO * here
-        every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x) if pinned[SOLVED] else nothing
-        for field in range(SOLVED):
-            pulled = _pulled(weights, row, column, pins, field, above, at, below, x) if pinned[field] else nothing
-            store(residuals, (field, row, column), here * (pulled - _QUARTER * every))
-            side = here * pulled
-            store(squares, (field, 0), load(squares, (field, 0)) + side * side)
+    reach, count = len(smooth) - 1, energy.shape[1]
+    smoothed, sloped, across, down = zeros(count + 2 * reach), zeros(count + 2 * reach), zeros(count), zeros(count)
+    for step in range(reach + 1):
+        above, below, weight, rise = light[(reach - step) * width :], light[(reach + step) * width :], smooth[step], slope[step]
+        if weight == _ZERO:  # beyond the end of a smaller scale
+            break
+        for index in range(count):
+            smoothed[index] += weight * (above[index] + below[index])
+            sloped[index] += rise * (below[index] - above[index])
+    for step in range(reach + 1):
+        left, right, weight, rise = smoothed[reach - step :], smoothed[reach + step :], smooth[step], slope[step]
+        if weight == _ZERO:  # beyond the end of a smaller scale
+            break
+        before, after = sloped[reach - step :], sloped[reach + step :]
+        for index in range(count):
+            across[index] += rise * (right[index] - left[index])
+            down[index] += weight * (after[index] + before[index])
+    horizontal, vertical = energy[0], energy[1]
+    for index in range(count):
+        horizontal[index] += across[index] * across[index]
+        vertical[index] += down[index] * down[index]
 
 
 @kernel
-def _pulled(weights: Floats3, row: int, column: int, pins: Floats3, field: int, above: int, at: int, below: int, x: int) -> Lanes:
-    """The sum over the pinned neighbours of c[n, n'] times their value: the right-hand side, before scaling."""
-    near = (
-        load(pins, (field, at, x + 1)),
-        load(pins, (field, at, x - 1)),
-        load(pins, (field, below, x)),
-        load(pins, (field, above, x)),
-        load(pins, (field, below, x + 1)),
-        load(pins, (field, above, x - 1)),
-        load(pins, (field, below, x - 1)),
-        load(pins, (field, above, x + 1)),
-    )
-    return around(weights, row, column, near)
+def _over_mean(energy: Floats2, columns: int) -> FloatArray:
+    """-1 over the mean energy of each patch in a row of patches, 0 without energy, at all columns."""
+    period, sums = len(energy), zeros(columns)
+    for row in range(period):
+        source = energy[row]
+        for column in range(columns):
+            sums[column] += source[column]
+    for left in range(0, columns, period):
+        total = _ZERO
+        for column in range(left, left + period):
+            total += sums[column]
+        over = np.float32(-period * period) / total if total > _ZERO else _ZERO
+        for column in range(left, left + period):
+            sums[column] = over
+    return sums
 
 
 @kernel
-def _finish(
-    solution: Floats3, scale: Floats2, pins: Floats3, place: Pair, inner: Pair, size: Pair, fields: Floats3, corner: Pair
-) -> None:
-    """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance.
+def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: Floats3) -> float:
+    """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the largest square of a right side.
 
-    inner, corner: the core's first row and column in the region, and in `fields`. size: rows and columns of the core.
+    The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the values given at blocks n'. The start
+    is the same in all four fields, a quarter at every other pixel: a pixel that edges cut off from every block is then shared by
+    all, not left to the fourth.
+
+    scale: d^(-1/2), 0 at the blocks.
     """
-    period2 = pins.shape[1]
-    phase = _phase(place, period2 // 2)
-    first = MARGIN + inner[1]
-    rows, columns = size
-    whole = columns // WIDTH * WIDTH
-    line = zeros(SOLVED + 1, columns + WIDTH)
-    for row in range(rows):
-        at = (place[0] + inner[0] + row) % period2
-        for column in range(0, columns, WIDTH):
-            x = phase + inner[1] + column
-            here = load(scale, (inner[0] + row + 1, first + column))
-            free = _QUARTER * (_ONE - load(pins, (SOLVED, at, x)))
-            together = _ZERO * here
-            for field in range(SOLVED):
-                start = load(pins, (field, at, x)) + free
-                value = greater(start + here * load(solution, (field, inner[0] + row + 1, first + column)), _ZERO)
-                store(line, (field, column), value)
-                together += value
-            rest = greater(_ONE - together, _ZERO)
-            share = quotient(_ONE, together + rest)
-            store(line, (SOLVED, column), rest * share)
-            for field in range(SOLVED):
-                store(line, (field, column), load(line, (field, column)) * share)
-        for field in range(SOLVED + 1):
-            for column in range(0, whole, WIDTH):
-                store(fields, (field, corner[0] + row, corner[1] + column), load(line, (field, column)))
-            for column in range(whole, columns):  # beyond the core are the fields of another
-                fields[field, corner[0] + row, corner[1] + column] = line[field, column]
+    every = zeros(*scale.shape)
+    every[:] = _ONE
+    linked_sum(links, every, scale)
+    every[:] = _ZERO
+    for row in range(scale.shape[0] - 2 * BORDER):
+        line, pinned = scale[BORDER + row], _given(pins, _SOLVED, row, columns)
+        for column in range(columns):
+            line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST))
+    _right_side(links, pins, _SOLVED, columns, scale, every)
+    norm, start = 0.0, every.reshape(-1)
+    for field in range(_SOLVED):
+        _right_side(links, pins, field, columns, scale, residual[field])
+        norm = max(norm, product(residual[field], residual[field]))
+        out = residual[field].reshape(-1)
+        for index in range(len(out)):
+            out[index] -= _QUARTER * start[index]
+    return norm
+
+
+@kernel
+def _right_side(links: Floats3, pins: Pins, field: int, columns: int, scale: Floats2, out: Floats2) -> None:
+    """Write the scaled sum of the links to blocks."""
+    values = zeros(*scale.shape)
+    for row in range(scale.shape[0] - 2 * BORDER):
+        line, source = values[BORDER + row], _given(pins, field, row, columns)
+        for column in range(columns):
+            line[column] = source[column]
+    linked_sum(links, values, out)
+    sums, roots = out.reshape(-1), scale.reshape(-1)
+    for index in range(len(sums)):
+        sums[index] *= roots[index]
+
+
+@kernel
+def _scale(links: Floats3, scale: Floats2) -> None:
+    """Scale the links."""
+    (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
+    right, down, down_right, down_left = links[0].reshape(-1), links[1].reshape(-1), links[2].reshape(-1), links[3].reshape(-1)
+    roots = scale.reshape(-1)
+    for row in range(BORDER, rows - BORDER):
+        for column in range(width):
+            here = np.uintp(row * width) + np.uintp(column)
+            # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
+            right[here] = right[here] * roots[here] * roots[here + one]
+            down[here] = down[here] * roots[here] * roots[here + below]
+            down_right[here] = down_right[here] * roots[here] * roots[here + below + one]
+            down_left[here] = down_left[here] * roots[here] * roots[here + below - one]
+
+
+@kernel
+def _finish(solution: Floats3, scale: Floats2, pins: Pins, inner: Pair, fields: Floats3, place: Pair, columns: int) -> None:
+    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding and tolerance.
+
+    inner, place: row and first column in the region, and in `fields`.
+    """
+    row, left = inner
+    sums, pinned, roots = zeros(columns), _given(pins, _SOLVED, row, left + columns)[left:], scale[BORDER + row][left:]
+    for field in range(_SOLVED):
+        source, pin = solution[field, BORDER + row][left:], _given(pins, field, row, left + columns)[left:]
+        out = fields[field, place[0]][place[1] :]
+        for column in range(columns):
+            start = pin[column] + _QUARTER * (_ONE - pinned[column])
+            out[column] = max(start + roots[column] * source[column], _ZERO)
+            sums[column] += out[column]
+    last = fields[_SOLVED, place[0]][place[1] :]
+    for column in range(columns):
+        last[column] = max(_ONE - sums[column], _ZERO)
+        sums[column] = _ONE / (sums[column] + last[column])
+    for field in range(CLASSES):
+        out = fields[field, place[0]][place[1] :]
+        for column in range(columns):
+            out[column] *= sums[column]

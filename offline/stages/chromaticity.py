@@ -11,8 +11,7 @@ import numpy as np
 from shared.arrays import BORDER, DoubleArray, FloatArray
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums
-from ..cleaned import Cleaned
+from ..frame import BlockSums, Cleaned
 from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3, Ints1
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored

@@ -1,30 +1,39 @@
-"""Replace defective samples, listed in the calibration or detected as outliers, by what their surroundings predict.
+"""Defective samples, listed in the calibration or outliers, and what their surroundings predict in their place; not in the paper.
 
-A panchromatic sample is judged by its neighbours. A colour sample has no neighbours of its own filter. But by Eq. 7 the channels of
-its block must add up to the luminance around the block; if they do not, the sample that deviates most from the neighbouring
-blocks' prediction is the defective one. So texture and small bright objects, which all samples of a block see, stay.
+A panchromatic sample m is an outlier if it lies outside the range of its neighbours N (3 x 3 pixels) by more than their contrast
+(W, 5 x 5 pixels, without the highest and the lowest: there may be a second defect) and noise explain:
 
-A defective colour sample is replaced by what the rest of its block predicts, so it carries no information of its own into Eqs. 8-9.
+    max(m - max N, min N - m) > contrast (max W - min W) + deviations sigma(max N) + floor
 
-Detection of outliers, their replacement from neighbours.
+A colour sample c of channel i is a lower bound of luminance, gamma_i c: where it exceeds every panchromatic neighbour it is one of
+N, and the end of a thin stroke next to a block is no defect. Where a colour site beside m is brighter or darker than in the tiles
+around, the range of N ends as much higher or lower: both see the same small thing. An outlier becomes the mean of opposite
+neighbours; directions d along which luminance changes little (mean |difference|) have the largest weights 1 / (change |d|)^2.
+
+A colour sample has no neighbours of its own filter. But the channels of a block add up to the luminance l around it (Eq. 7):
+
+    surplus = sum_i gamma_i c_i - l
+
+If it is more than contrast and noise explain, the sample that deviates most from the neighbouring blocks' prediction, their median
+of c / l, is defective. So texture and small bright objects, which all samples of a block see, stay. A defective colour sample is
+replaced by what the rest of its block predicts, so that it carries no information of its own into Eqs. 8-9.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..blocks import sum_noise, tile
-from ..cleaned import Cleaned
-from ..numerics.arrays import Bools2, Floats1, Floats2, Frozen2, Pair, Scalar, StridedInts1
-from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import ORIENTATIONS, zeros
-from ..numerics.lanes import WIDTH, greater, lesser, load, square_root, store
-from ..numerics.pieces import copied
+from ..frame import Cleaned, sum_noise
+from ..numerics.functions import ORIENTATIONS
+from ..numerics.pieces import copied, in_strips
 from ..stage import NotNegative, Positive, StageSettings
 
 
@@ -32,15 +41,12 @@ from ..stage import NotNegative, Positive, StageSettings
 class DefectsSettings(StageSettings):
     """Samples that do not measure light.
 
-    An unlisted panchromatic sample is defective if it lies outside its neighbours' range by more than contrast x local contrast +
-    deviations x noise sigma + floor x mean panchromatic sample. Colour samples are judged by their blocks, with the same settings.
-
     listed: replace the samples in the calibration's list of defects.
     contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
-    deviations, floor: multiples of the noise, where it is known, 0 or more; and of the mean panchromatic sample, > 0.
+    deviations, floor: multiples of the noise, where it is known, 0 or more; and of the mean panchromatic sample, > 0. Colour
+        samples are judged by their blocks, with the same settings.
     """
 
-    kernels = "find_outliers", "mend_panchromatic", "surroundings"
     asked_by = "listed", "contrast"
     listed: bool = False
     contrast: NotNegative = 0.0
@@ -50,13 +56,16 @@ class DefectsSettings(StageSettings):
 
 # Chosen; half and twice change none of the measured scenes (README).
 _LEAST_LIGHT = 2e-4  # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
-_FEWEST = 3  # neighbouring blocks that it takes to judge a block: a corner has no more
+_FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
 _MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
-_RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
+_CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
+_GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
+_FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
+_ROWS, _TOGETHER = STRIP // 4, 1 << 14  # rows, and places, that are looked at together: so they stay in the processor's cache
 
 
 def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress = SILENT) -> Cleaned:
-    """The frame with defective samples replaced; the frame itself where there are none.
+    """Replace defective samples; return the frame itself where there are none.
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
     """
@@ -65,13 +74,14 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     progress.stage("defects", 2)
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)
     if settings.contrast:
-        _find_panchromatic(frame, settings, bad)
-    rows, columns = _panchromatic_places(bad, frame.mosaic)
-    if len(rows):
-        values = np.empty(len(rows), np.float32)
-        mend_panchromatic(frame.signal, tile(frame.mosaic.pattern), bad, rows, columns, values)
-        signal = copied(frame.signal)
-        signal[rows, columns] = values
+        outliers = find_outliers(frame, settings, bad)
+        if np.count_nonzero(outliers) <= _MOST * bad.size:
+            bad |= outliers
+    places = np.nonzero(bad)
+    panchromatic = _panchromatic(frame, *places)
+    if panchromatic.any():
+        signal, places = copied(frame.signal), (places[0][panchromatic], places[1][panchromatic])
+        signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
     progress.advance()
     bad_sites = frame.sites.of(bad)
@@ -79,7 +89,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
         _find_in_blocks(frame, bad_sites, settings)
     if bad_sites.any():
         signal, (rows, columns) = copied(frame.signal), frame.sites.pixels
-        signal[rows[bad_sites], columns[bad_sites]] = _mended(frame, bad_sites)
+        signal[rows[bad_sites], columns[bad_sites]] = _predicted_in_blocks(frame, bad_sites)
         frame = frame.with_samples(signal)
     progress.advance()
     return frame
@@ -93,24 +103,152 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> None:
-    mosaic, noise = frame.mosaic, frame.noise
-    figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
-    period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
-    gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
-    found, floor = np.zeros(bad.shape, np.bool_), settings.floor * frame.level
-    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, floor, figures, bad, found)
-    found |= bad
-    if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
-        bad[:] = found
+def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
+    """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain; bool (H, W).
+
+    bad: bool (H, W), samples known to be bad, which are no neighbours.
+    """
+    outliers = np.zeros_like(bad)
+
+    def work(rows: slice) -> None:
+        outliers[rows] = _Strip.of(frame, settings, bad, rows).outliers()
+
+    in_strips(work, len(bad), _ROWS)
+    return outliers
 
 
-def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, IndexArray]:
-    """Rows and columns of the bad panchromatic samples."""
-    rows, columns = np.nonzero(bad)
-    panchromatic = tile(mosaic.pattern)
-    kept = panchromatic[rows % len(panchromatic), columns % len(panchromatic)]
-    return rows[kept], columns[kept]
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next tile, can be seen.
+
+    luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN = bad, or outside the frame.
+    coloured: bool, as `luminance`.
+    """
+
+    frame: Cleaned
+    settings: DefectsSettings
+    luminance: FloatArray
+    coloured: BoolArray
+    halo: int
+
+    @classmethod
+    def of(cls, frame: Cleaned, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
+        """Rows of a frame. bad: bool (H, W)."""
+        (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
+        first, within = rows.start - halo, slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
+        filters = frame.mosaic.pattern.filter_map((rows.stop + halo - first, width + 2 * halo), (first, -halo))
+        place = np.s_[within.start - first : within.stop - first, halo : halo + width]
+        luminance, gains = np.full(filters.shape, np.nan, np.float32), np.append(frame.gamma, 1).astype(np.float32)
+        np.multiply(frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within])
+        return cls(frame, settings, luminance, filters < len(frame.gamma), halo)
+
+    def outliers(self) -> BoolArray:
+        """The outliers among its rows, bool (rows, W)."""
+        core, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
+        missing, value = np.isnan(self.luminance), self.luminance[core]
+        most = _of_neighbours(np.where(missing, np.float32(-np.inf), self.luminance)[near], np.maximum)
+        least = _of_neighbours(np.where(missing | self.coloured, np.float32(np.inf), self.luminance)[near], np.minimum)
+        beyond = np.maximum(value - most, least - value) - self.noise(most)
+        candidates: BoolArray = (beyond > self.settings.floor * self.frame.level) & ~self.coloured[core]
+        if candidates.any():
+            row, column = np.nonzero(candidates)
+            candidates[row, column] = self.stand_out(row + self.halo, column + self.halo)
+        return candidates
+
+    def noise(self, luminance: FloatArray) -> FloatArray:
+        """Difference of panchromatic samples of some luminance that noise explains."""
+        noise = self.frame.noise or NoiseModel.gaussian(0.0, len(self.frame.gamma) + 1)
+        return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
+
+    def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
+        """Whether each of N panchromatic samples is an outlier by the definition above."""
+        value, floor = self.luminance[row, column], np.float32(self.settings.floor * self.frame.level)
+        near, wide = (_sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured)) for reach in (1, 2))
+        low, high, count = near[:, 0], np.fmax.reduce(near, axis=1), np.count_nonzero(~np.isnan(near), axis=1)
+        second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
+        allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
+        outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
+        row, column, value, low, high = row[outlier], column[outlier], value[outlier], low[outlier], high[outlier]
+        # The usual brightness of the colour sites beside a sample is their mean in the tiles above, below, left and right.
+        period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
+        steps = (-period, 0), (period, 0), (0, -period), (0, period)
+        tiles = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
+        usual = _mean(tiles, 0).clip(0) + black
+        sites = np.where(self.around(row, column, 1, self.coloured), self.around(row, column, 1), np.float32(np.nan))
+        darker, brighter = (((sites + noise[:, None]).clip(0) + black) / usual for noise in (self.noise(high), -self.noise(high)))
+        low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
+        high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
+        outlier[outlier] = np.maximum(value - high, low - value) > allowed[outlier]
+        return outlier
+
+    def around(self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None) -> NDArray[Any]:
+        """The squares of a plane, luminance by default, around N places, (N, pixels)."""
+        side = 2 * reach + 1
+        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[row - reach, column - reach]
+        return windows.reshape(len(windows), side**2)
+
+
+def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
+    """The largest, or smallest, of the eight around each pixel of a plane that has one pixel more on all sides."""
+    ends = larger(wide[:-2], wide[2:])
+    tall = larger(ends, wide[1:-1])
+    return larger(larger(tall[:, :-2], tall[:, 2:]), ends[:, 1:-1])
+
+
+def _sorted(luminance: FloatArray, coloured: BoolArray) -> FloatArray:
+    """Sort the neighbours in each window, (N, pixels), NaN at the end: samples, and lower bounds that exceed all of these."""
+    luminance[:, luminance.shape[1] // 2] = np.nan
+    highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
+    return np.sort(np.where(coloured & ~(luminance > highest[:, None]), np.float32(np.nan), luminance), axis=1)
+
+
+def _mean(values: FloatArray, axis: int | tuple[int, int]) -> FloatArray:
+    """Mean of what is not NaN; NaN where nothing is."""
+    count = np.count_nonzero(~np.isnan(values), axis=axis)
+    return np.where(count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.float32(np.nan))
+
+
+def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArray]) -> FloatArray:
+    """Predict panchromatic samples, float32 (N,), from the good ones around them.
+
+    A place without an opposite pair of good neighbours gets the mean of the nearest good samples, and keeps its sample if there is
+    none within eight pixels.
+    """
+    values = frame.signal[places]
+
+    def work(some: slice) -> None:
+        row, column = (place[some] for place in places)
+        window, total, weights = _window(frame, bad, row, column, 2), *np.zeros((2, len(row)))
+        for down, across in ORIENTATIONS:
+            before, after = window[:, 2 - down, 2 - across], window[:, 2 + down, 2 + across]
+            right, left = max(across, 0), max(-across, 0)
+            change = _mean(np.abs(window[:, down:, right : 5 - left] - window[:, : 5 - down, left : 5 - right]), (1, 2))
+            flat = _FLAT * (before**2 + after**2) + _TINY
+            weight = np.nan_to_num(1 / ((np.nan_to_num(change) ** 2 + flat) * (down**2 + across**2)))
+            total += weight * np.nan_to_num(before + after) / 2
+            weights += weight
+        mean = np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+        for reach in range(1, _GROWTH + 1):
+            lone = np.flatnonzero(np.isnan(mean))
+            mean[lone] = _mean(_window(frame, bad, row[lone], column[lone], reach), (1, 2))
+        values[some] = np.where(np.isnan(mean), values[some], mean)
+
+    in_strips(work, len(values), _TOGETHER)
+    return values
+
+
+def _window(frame: Cleaned, bad: BoolArray, row: IndexArray, column: IndexArray, reach: int) -> FloatArray:
+    """The good panchromatic samples in the squares around N places, (N, size, size); NaN elsewhere."""
+    steps, (height, width) = np.arange(-reach, reach + 1), bad.shape
+    down, across = row[:, None, None] + steps[:, None], column[:, None, None] + steps
+    place = down.clip(0, height - 1), across.clip(0, width - 1)
+    good = (place[0] == down) & (place[1] == across) & ~bad[place] & _panchromatic(frame, *place)
+    return np.where(good, frame.signal[place], np.float32(np.nan))
+
+
+def _panchromatic(frame: Cleaned, row: IndexArray, column: IndexArray) -> BoolArray:
+    period = frame.mosaic.pattern.period
+    return frame.mosaic.pattern.panchromatic_mask((period, period))[row % period, column % period]
 
 
 def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
@@ -125,322 +263,51 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     odd &= (highest < frame.clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST * bad.size:
         return
-    where = np.nonzero(odd)
-    around = _around(frame, bad, where)
-    light, surplus = lights[where], surplus[where]
+    rows, columns = np.nonzero(odd)
+    near, light, surplus = _ratios_around(frame, bad, rows, columns), lights[odd], surplus[odd]
     # The defective sample explains the surplus, and lies outside the range of the neighbouring blocks.
-    excess = share * (frame.samples[where] - around.middle * light)
-    guilty = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
-    ratio = (frame.samples[where] / np.maximum(light, _LEAST_LIGHT * frame.level))[guilty]
-    low, high = around.lowest[guilty], around.highest[guilty]
+    excess = share * (frame.samples[odd] - _median(frame, near) * light)
+    block, site = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
+    ratio = frame.samples[rows, columns, site] / np.maximum(light[block, site], _LEAST_LIGHT * frame.level)
+    near, excess = near[:, block, site], excess[block, site]
+    low, high = np.fmin.reduce(near), np.fmax.reduce(near)
     certain = np.maximum(ratio - high, low - ratio) > high - low
-    certain &= (np.abs(surplus - excess[guilty]) < np.abs(surplus) / 2) & (around.known[guilty] >= _FEWEST)
-    bad[where[0][certain], where[1][certain], guilty[1][certain]] = True
+    certain &= (np.abs(surplus - excess) < np.abs(surplus) / 2) & (np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST)
+    bad[rows[certain], columns[certain], site[certain]] = True
 
 
-def _mended(frame: Cleaned, bad: BoolArray) -> FloatArray:
+def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
     """Values for the bad sites: what the rest of the block predicts, else what the neighbouring blocks predict."""
-    gamma, (lights, lowest, highest), least = frame.gamma, frame.around, _LEAST_LIGHT * frame.level
-    *where, site = np.nonzero(bad)
-    around = _around(frame, bad, tuple(where))
-    each, channels = np.arange(len(site)), np.arange(len(gamma))
-    light, good = lights[*where], ~bad[*where]
-    here, channel = light[each, site], frame.sites.channels[site]
-    of_channel = good[:, None] & (frame.sites.channels == channels[:, None])  # (bad sites, C, S)
-    seen = of_channel.any(axis=2)
-    total = (of_channel * light[:, None]).sum(axis=2)
-    seen &= total > least
-    ratio = (of_channel * frame.samples[*where][:, None]).sum(axis=2) / np.where(seen, total, 1)
+    gamma, sites, least = frame.gamma, frame.sites, _LEAST_LIGHT * frame.level
+    rows, columns, site = np.nonzero(bad)
+    number, channel, channels = np.arange(len(site)), sites.channels[site], np.arange(len(gamma))
+    near, light = _ratios_around(frame, bad, rows, columns), frame.around.light[rows, columns]
+    here = light[number, site]
+    # c_i = sum of the good samples of a channel / sum of the luminance there
+    good = ~bad[rows, columns, None] & (sites.channels == channels[:, None])  # (bad sites, C, S)
+    total = (good * light[:, None]).sum(axis=2)
+    measured = total > least
+    ratio = (good * frame.samples[rows, columns, None]).sum(axis=2) / np.where(measured, total, 1)
     # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
     # luminance varies around the block, the second as the neighbouring blocks differ.
     others = channels != channel[:, None]
     left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
-    predicted = around.middle[each, site] * here
-    variance = ((highest - lowest)[*where] / gamma[channel]) ** 2 + least**2
-    variance_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + least**2
-    balanced = (left * variance_around + predicted * variance) / (variance + variance_around)
-    unseen = np.where((seen | ~others).all(axis=1), balanced, predicted)
-    return np.where(seen[each, channel], ratio[each, channel] * here, unseen).astype(np.float32)
+    around = _median(frame, near)[number, site] * here
+    spread = np.nan_to_num(np.fmax.reduce(near) - np.fmin.reduce(near))[number, site] * here
+    contrast = (frame.around.highest - frame.around.lowest)[rows, columns] / gamma[channel]
+    trust = (spread**2 + least**2) / (spread**2 + contrast**2 + 2 * least**2)
+    around = np.where((measured | ~others).all(axis=1), around + trust * (left - around), around)
+    return np.where(measured[number, channel], ratio[number, channel] * here, around).astype(np.float32)
 
 
-class _Around(NamedTuple):
-    """Ratios of sample to luminance of each site in the eight neighbours of some blocks; all (blocks, S).
-
-    middle: median of the ratios.
-    lowest, highest: range of the ratios.
-    known: how many of the eight neighbours have a good sample at the site.
-    """
-
-    middle: DoubleArray
-    lowest: DoubleArray
-    highest: DoubleArray
-    known: IndexArray
+def _ratios_around(frame: Cleaned, bad: BoolArray, rows: IndexArray, columns: IndexArray) -> DoubleArray:
+    """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is none, or it is bad or dark."""
+    light = frame.around.light
+    ratio = np.where(bad | (light <= _LEAST_LIGHT * frame.level), np.nan, frame.samples / np.where(light > 0, light, 1))
+    wide = np.pad(ratio, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    return np.stack([wide[rows + down, columns + across] for down in range(3) for across in range(3) if (down, across) != (1, 1)])
 
 
-def _around(frame: Cleaned, bad: BoolArray, where: tuple[IndexArray, ...]) -> _Around:
-    """The neighbourhoods of the blocks at `where`; a site without a good neighbour is grey."""
-    grey = 1 / float(frame.gamma.sum())
-    rows, columns = (np.add.outer(np.array(steps), places) for steps, places in zip(zip(*_RING, strict=True), where, strict=True))
-    there = (rows >= 0) & (rows < bad.shape[0]) & (columns >= 0) & (columns < bad.shape[1])
-    place = np.where(there, rows, 0), np.where(there, columns, 0)
-    light = frame.around.light[place]
-    dark = light <= _LEAST_LIGHT * frame.level
-    near = np.where(bad[place] | dark | ~there[..., None], np.nan, frame.samples[place] / np.where(dark, 1, light))
-    count = (~np.isnan(near)).sum(axis=0)
-    near = np.where(count > 0, near, grey)
-    return _Around(np.nanmedian(near, axis=0), np.nanmin(near, axis=0), np.nanmax(near, axis=0), count)
-
-
-_NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast; chosen
-_FEWEST_NEIGHBOURS = 3  # neighbours that it takes to judge a sample: a corner of the frame has no more
-_GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good; chosen
-_MOST_NEIGHBOURS = (2 * _WIDE + 1) ** 2
-_STRIP = 64  # rows of a piece of work; chosen for speed
-_SEEN = 1 / 3  # share of the light that a channel sees, about
-_ZERO, _INFINITE = np.float32(0), np.float32(np.inf)
-_FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
-_SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
-
-
-@parallel_kernel(pieces=lambda *given: -(-len(given[-1]) // _STRIP))
-def find_outliers(
-    pieces: Pieces,
-    signal: Frozen2,
-    gains: Floats2,
-    contrast: float,
-    deviations: float,
-    floor: float,
-    noise: tuple[float, float],
-    bad: Bools2,
-    found: Bools2,
-) -> None:
-    """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain.
-
-    A sample is marked if it lies outside the range of its 3 x 3 neighbours by more than contrast x (range of its 5 x 5 neighbours)
-    + deviations x noise sigma + floor. The highest and lowest of the 5 x 5 are left out: there may be a second outlier. A colour
-    sample times its gamma is a lower bound of luminance. Where that bound exceeds every panchromatic neighbour it counts as a
-    neighbour, so that the end of a thin stroke next to a block is not taken for a defect. And where a colour site beside a sample
-    is brighter or darker than usual (`_brightness`), the range of the neighbours ends as much higher or lower: what both see is
-    no defect.
-
-    signal: (H, W), scene units.
-    gains: (K, K), the pattern from the frame's corner on: gamma at a colour site, 0 at a panchromatic one.
-    contrast, deviations, floor: see above and `DefectsSettings`.
-    noise: (shot, read) of the panchromatic plane: variance = shot * signal + read**2.
-    bad: bool (H, W), samples known to be bad, which are no neighbours.
-    found: bool (H, W), marked samples are set.
-    """
-    height, width = signal.shape
-    figures = np.float32(deviations), np.float32(floor), np.float32(noise[0]), np.float32(noise[1] ** 2)
-    for strip in range(pieces[0], pieces[1]):
-        around = np.empty(_MOST_NEIGHBOURS, np.float32)
-        most, least, tall = zeros(3, width + 2 + WIDTH), zeros(3, width + 2 + WIDTH), zeros(2, width + 2 + WIDTH)
-        surplus = zeros(width + WIDTH)
-        first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
-        _bounds(signal, gains, bad, first - 1, most, least)
-        _bounds(signal, gains, bad, first, most, least)
-        for row in range(first, last):
-            _bounds(signal, gains, bad, row + 1, most, least)
-            _stand_out(most, least, row, width, figures, tall, surplus)
-            for column in range(width):
-                if surplus[column] > 0:
-                    found[row, column] = _is_outlier(signal, gains, bad, row, column, contrast, deviations, floor, noise, around)
-
-
-@kernel
-def _bounds(signal: Floats2, gains: Floats2, bad: Bools2, row: int, most: Floats2, least: Floats2) -> None:
-    """What the samples of a row say about luminance: it is at most `most`, at least `least`, as neighbours; infinite without."""
-    place, period, width = row % 3, len(gains), signal.shape[1]
-    for column in range(most.shape[1]):
-        most[place, column], least[place, column] = -_INFINITE, _INFINITE
-    if row < 0 or row >= len(signal):
-        return
-    for phase in range(period):
-        gain = gains[row % period, phase]
-        for column in range(phase, width, period):
-            if not bad[row, column]:
-                most[place, column + 1] = gain * signal[row, column] if gain > 0 else signal[row, column]
-                least[place, column + 1] = _INFINITE if gain > 0 else signal[row, column]
-
-
-@kernel
-def _stand_out(
-    most: Floats2,
-    least: Floats2,
-    row: int,
-    width: int,
-    figures: tuple[Scalar, Scalar, Scalar, Scalar],
-    tall: Floats2,
-    surplus: Floats1,
-) -> None:
-    """Write to `surplus` by how much, at least, samples lie outside the range of their neighbours; infinite without any."""
-    deviations, floor, shot, variance = figures
-    above, here, below = (row - 1) % 3, row % 3, (row + 1) % 3
-    for column in range(0, width + 2, WIDTH):
-        ends = greater(load(most, (above, column)), load(most, (below, column)))
-        store(tall, (0, column), greater(ends, load(most, (here, column))))
-        ends = lesser(load(least, (above, column)), load(least, (below, column)))
-        store(tall, (1, column), lesser(ends, load(least, (here, column))))
-    for column in range(0, width, WIDTH):
-        x = column + 1
-        high = greater(load(tall, (0, x - 1)), load(tall, (0, x + 1)))
-        high = greater(high, greater(load(most, (above, x)), load(most, (below, x))))
-        low = lesser(load(tall, (1, x - 1)), load(tall, (1, x + 1)))
-        low = lesser(low, lesser(load(least, (above, x)), load(least, (below, x))))
-        beyond = greater(load(most, (here, x)) - high, low - load(least, (here, x)))
-        allowed = deviations * square_root(shot * greater(high, _ZERO) + variance) + floor
-        store(surplus, column, beyond - _SAFE * allowed)
-
-
-@kernel
-def _is_outlier(
-    signal: Floats2,
-    gains: Floats2,
-    bad: Bools2,
-    row: int,
-    column: int,
-    contrast: float,
-    deviations: float,
-    floor: float,
-    noise: tuple[float, float],
-    around: Floats1,
-) -> bool:
-    """Whether a sample is one that `find_outliers` marks."""
-    if gains[row % len(gains), column % len(gains)] > 0 or bad[row, column]:
-        return False
-    value = signal[row, column]
-    count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
-    if count < _FEWEST_NEIGHBOURS:
-        return False
-    low, high, _, _ = _extremes(around, count)
-    if low - floor <= value <= high + floor:
-        return False
-    noisy = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2)
-    least, most = _brightness(signal, gains, bad, (row, column), noisy, _SEEN * floor)
-    low, high, allowed = min(low, least * low), max(high, most * high), noisy + floor
-    beyond = value - high if value > high else low - value
-    if beyond <= allowed:
-        return False
-    count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
-    _, _, low, high = _extremes(around, count)
-    return bool(beyond > contrast * (high - low) + allowed)
-
-
-@kernel
-def _brightness(signal: Floats2, gains: Floats2, bad: Bools2, place: Pair, noisy: float, floor: float) -> tuple[float, float]:
-    """How bright the good colour sites beside a sample are against what they usually are: the least share of it, and the most.
-
-    The first is 1 or less, the second 1 or more. Usual is the mean of the same site in the tiles above, below, left and right.
-    noisy, floor: luminance, of which the first may be noise, and the second makes what is black no brighter than nothing.
-    """
-    (row, column), period, least, most = place, len(gains), 1.0, 1.0
-    for y in range(max(row - _NEAR, 0), min(row + _NEAR + 1, signal.shape[0])):
-        for x in range(max(column - _NEAR, 0), min(column + _NEAR + 1, signal.shape[1])):
-            gain = gains[y % period, x % period]
-            if gain > 0 and not bad[y, x]:
-                total, count = 0.0, 0
-                for down, across in ((-period, 0), (period, 0), (0, -period), (0, period)):
-                    i, j = y + down, x + across
-                    if 0 <= i < signal.shape[0] and 0 <= j < signal.shape[1] and not bad[i, j]:
-                        total += signal[i, j]
-                        count += 1
-                if count:
-                    seen, usual = gain * signal[y, x], max(gain * total / count, 0.0) + floor
-                    least = min(least, (max(seen + noisy, 0.0) + floor) / usual)
-                    most = max(most, (max(seen - noisy, 0.0) + floor) / usual)
-    return least, most
-
-
-@kernel
-def _extremes(values: Floats1, count: int) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """The lowest and the highest of the first `count` values, and the second lowest and second highest."""
-    low, high, next_low, next_high = _INFINITE, -_INFINITE, _INFINITE, -_INFINITE
-    for place in range(count):
-        value = values[place]
-        next_low, next_high = min(next_low, max(low, value)), max(next_high, min(high, value))
-        low, high = min(low, value), max(high, value)
-    return low, high, next_low, next_high
-
-
-@kernel
-def _neighbours(signal: Floats2, gains: Floats2, bad: Bools2, row: int, column: int, reach: int, around: Floats1) -> int:
-    """Collect luminance from the good samples at most `reach` pixels from one, without itself. Returns how many there are."""
-    period, count = len(gains), 0
-    top, bottom = max(row - reach, 0), min(row + reach + 1, signal.shape[0])
-    left, right = max(column - reach, 0), min(column + reach + 1, signal.shape[1])
-    highest = np.float32(-np.inf)
-    for y in range(top, bottom):
-        for x in range(left, right):
-            if (y != row or x != column) and gains[y % period, x % period] == 0 and not bad[y, x]:
-                around[count] = signal[y, x]
-                highest = max(highest, signal[y, x])
-                count += 1
-    for y in range(top, bottom):
-        for x in range(left, right):
-            least = gains[y % period, x % period] * signal[y, x]
-            if least > highest and gains[y % period, x % period] > 0 and not bad[y, x]:
-                around[count] = least
-                count += 1
-    return count
-
-
-@parallel_kernel()
-def mend_panchromatic(
-    pieces: Pieces, signal: Frozen2, panchromatic: Bools2, bad: Bools2, rows: StridedInts1, columns: StridedInts1, values: Floats1
-) -> None:
-    """Predict the samples at the places (rows, columns) from the good panchromatic samples around them, to `values`.
-
-    The prediction is a mean of opposite neighbours; directions along which luminance changes little have the largest weights.
-    Without an opposite pair it is the mean of the nearest good samples. A place with none within eight pixels keeps its sample.
-    """
-    for place in range(pieces[0], pieces[1]):
-        row, column = rows[place], columns[place]
-        total, weights = 0.0, 0.0
-        for down, across in ORIENTATIONS:
-            if _good(panchromatic, bad, row - down, column - across) and _good(panchromatic, bad, row + down, column + across):
-                before, after = signal[row - down, column - across], signal[row + down, column + across]
-                change = _change_along(signal, panchromatic, bad, row, column, down, across)
-                flat = _FLAT * (before * before + after * after) + _TINY
-                weight = 1.0 / ((change * change + flat) * (down * down + across * across))
-                total += weight * 0.5 * (before + after)
-                weights += weight
-        if weights > 0.0:
-            values[place] = total / weights
-        else:
-            values[place] = _nearest(signal, panchromatic, bad, row, column)
-
-
-@kernel
-def _change_along(signal: Floats2, panchromatic: Bools2, bad: Bools2, row: int, column: int, down: int, across: int) -> float:
-    """Mean absolute difference of good neighbours along a direction, within the 5 x 5 pixels around a place."""
-    total, count = 0.0, 0
-    for y in range(row - _WIDE, row + _WIDE + 1):
-        for x in range(column - _WIDE, column + _WIDE + 1):
-            inside = abs(y + down - row) <= _WIDE and abs(x + across - column) <= _WIDE
-            if inside and _good(panchromatic, bad, y, x) and _good(panchromatic, bad, y + down, x + across):
-                total += abs(signal[y, x] - signal[y + down, x + across])
-                count += 1
-    return total / count if count else 0.0
-
-
-@kernel
-def _nearest(signal: Floats2, panchromatic: Bools2, bad: Bools2, row: int, column: int) -> float:
-    """Mean of the nearest good samples; the sample itself if there are none within `_GROWTH` pixels."""
-    for reach in range(1, _GROWTH + 1):
-        total, count = 0.0, 0
-        for y in range(row - reach, row + reach + 1):
-            for x in range(column - reach, column + reach + 1):
-                if _good(panchromatic, bad, y, x):
-                    total += signal[y, x]
-                    count += 1
-        if count:
-            return total / count
-    return float(signal[row, column])
-
-
-@kernel
-def _good(panchromatic: Bools2, bad: Bools2, row: int, column: int) -> bool:
-    """Whether a place is inside the frame, panchromatic and not marked bad."""
-    period = len(panchromatic)
-    inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
-    return inside and panchromatic[row % period, column % period] and not bad[row, column]
+def _median(frame: Cleaned, near: DoubleArray) -> DoubleArray:
+    """Median of the ratios of neighbouring blocks, (N, S); grey without any."""
+    return np.nanmedian(np.where(np.isnan(near).all(axis=0), 1 / frame.gamma.sum(), near), axis=0)

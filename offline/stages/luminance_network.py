@@ -15,7 +15,7 @@ from shared.mosaic import Mosaic
 from shared.networks import NETWORKS, load_network
 from shared.pattern import CfaPattern
 
-from ..blocks import Sites
+from ..frame import Sites
 from ..numerics.pieces import in_pieces, in_strips
 
 PATHS = {4: NETWORKS / "luminance.onnx", 3: NETWORKS / "luminance-three.onnx"}

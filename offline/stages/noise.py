@@ -1,16 +1,18 @@
 """The noise of a mosaic: from its calibration, or estimated from its own smooth parts, or from those of several mosaics.
 
-Estimation looks at rows and columns that are panchromatic throughout or, where colour sites are scattered, at every second (third,
-...) pixel of them. A high-pass filter along them leaves noise and texture. To leave out texture, the filtered lines are cut into
-small tiles, and of tiles of similar brightness only those that vary least count. A line through their (brightness, variance) is the
-Poisson-Gaussian model.
+The model is Poisson-Gaussian: variance = shot x signal + read^2. Rows and columns that are panchromatic throughout or, where colour
+sites are scattered, every second (third, ...) pixel of them, go through a high-pass filter, which leaves noise and texture, and are
+cut into small tiles. Of the tiles of one bin of brightness the quietest tenth counts as smooth: its variance, over what that
+quantile of a chi-square distribution is, is the noise there. The model is the line through (brightness, variance) of the bins, by
+least squares of relative error; bins far above it have no smooth tiles and are left out.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
@@ -44,7 +46,7 @@ def with_noise(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
     if mosaic.calibration.noise is not None or not settings.estimate:
         return mosaic
     noise = estimate_noise(mosaic)
-    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise and noise.possible()))
+    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise.possible() if noise else None))
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
@@ -55,11 +57,11 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
 
     Fine texture all over the frame counts as noise and makes the estimate too high. It is never too low by more than its scatter.
     """
-    found = [line for mosaic in mosaics if (line := _fitted(mosaic))]
-    if not found:
+    fits = [fit for mosaic in mosaics if (fit := _fitted(mosaic))]
+    if not fits:
         return None
-    dark, bright, slope, intercept = np.array(found).T
-    if len(found) > 1 and (levels := np.array([np.median(dark), np.median(bright)]))[1] > levels[0]:
+    dark, bright, slope, intercept = np.array(fits).T
+    if len(fits) > 1 and (levels := np.array([np.median(dark), np.median(bright)]))[1] > levels[0]:
         # Of lines that rise and start at 0 or above, these medians lie on one that does too.
         variances = np.median(slope * levels[:, None] + intercept, axis=1)
         slope = np.diff(variances) / np.diff(levels)
@@ -70,78 +72,55 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
 
 def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
     """Light of the darkest and of the brightest tiles of a frame, and slope and intercept of the line through all variances."""
-    period, (height, width) = mosaic.pattern.period, mosaic.shape
-    rows, columns = (mosaic.pattern.panchromatic_mask(shape) for shape in ((height, period), (period, width)))
+    clear = mosaic.pattern.panchromatic_mask((mosaic.pattern.period,) * 2)
     limit = _CLIPPED * mosaic.calibration.full_scale
-    signal = mosaic.signal
-    tiles = [_tiles(plane, lines, limit) for plane, lines in (*_panchromatic(signal, rows), *_panchromatic(signal.T, columns.T))]
-    mean, variance = np.concatenate(tiles, axis=1)
+    tiles = [*_tiles(mosaic.signal, clear, limit), *_tiles(mosaic.signal.T, clear.T, limit)]
+    mean, variance = np.concatenate(tiles, axis=1).astype(np.float64)
     if mean.size < _LEAST_TILES:
         return None
-    levels, variances = _quietest(mean, variance)
+    bins = np.array_split(np.argsort(mean, kind="stable"), min(_BINS, mean.size // _LEAST_TILES))
+    levels = np.array([mean[tiles].mean() for tiles in bins])
+    # The filter's outputs along a line are not independent: this is the number of independent ones.
+    freedom = _LINES * _LENGTH / np.square(np.correlate(_FILTER, _FILTER, "full").astype(np.float64)).sum()
+    # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over its mean.
+    smooth = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
+    variances = np.array([np.quantile(variance[tiles], _SHARE) for tiles in bins]) / smooth
     return (float(levels[0]), float(levels[-1]), *_line(levels, variances))
 
 
-def _panchromatic(signal: FloatArray, clear: BoolArray) -> list[tuple[FloatArray, IndexArray]]:
-    """Every n-th column of a signal, for the least n with which some rows are panchromatic, and the indices of these rows.
+def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[FloatArray]:
+    """Yield mean, and variance after the high-pass filter, of tiles of panchromatic rows: float32 (2, tiles).
 
-    clear: bool (H, K), the panchromatic pixels of each row; it repeats along the row.
+    Where no row is panchromatic, it takes every n-th pixel of rows, for the least n with which these are.
+    clear: bool (K, K), which pixels are panchromatic. limit: scene units; tiles that reach it are left out.
     """
-    period = clear.shape[1]
-    for step in (step for step in range(1, period + 1) if period % step == 0):
-        phases = [(signal[:, phase::step], np.flatnonzero(clear[:, phase::step].all(axis=1))) for phase in range(step)]
-        if any(len(lines) for _, lines in phases):
-            return phases
-    return []
-
-
-def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
-    """Mean, and variance after the high-pass filter, of tiles: float64 (2, tiles).
-
-    lines: indices of the panchromatic rows of `signal`; a tile takes `_LINES` consecutive ones of them.
-    limit: scene units; tiles that reach it are left out.
-    """
-    count = len(lines) // _LINES
-    step = max(1, count * _LINES // _MOST_LINES)
-    width = (signal.shape[1] - len(_FILTER) + 1) // _LENGTH * _LENGTH
-    found = [np.empty((2, 0))]
-    for tile in range(0, count * (width > 0), step):
-        part = signal[lines[tile * _LINES : (tile + 1) * _LINES]]
-        rest = sum(tap * part[:, start : start + width] for start, tap in enumerate(_FILTER))
-        cut = (_LINES, width // _LENGTH, _LENGTH)
-        light = part[:, 2 : 2 + width].reshape(cut)
-        figures = np.stack([light.mean(axis=(0, 2)), np.square(rest).reshape(cut).mean(axis=(0, 2))])
-        found.append(figures[:, light.max(axis=(0, 2)) < limit])
-    return np.concatenate(found, axis=1).astype(np.float64)
-
-
-def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """For each bin of brightness, its mean brightness and the variance of its smooth tiles: float64 (bins,) each."""
-    # The filter's outputs along a line are not independent: this is the number of independent ones.
-    overlap = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
-    freedom = _LINES * _LENGTH / np.square(overlap).sum()
-    # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over its mean.
-    below = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
-    order = np.argsort(mean, kind="stable")
-    bins = np.array_split(order, min(_BINS, mean.size // _LEAST_TILES))
-    levels = np.array([mean[each].mean() for each in bins])
-    return levels, np.array([np.quantile(variance[each], _SHARE) for each in bins]) / below
+    yield np.empty((2, 0), np.float32)
+    period = len(clear)
+    steps = (step for step in range(1, period + 1) if period % step == 0)
+    step = next((step for step in steps if any(clear[:, phase::step].all(axis=1).any() for phase in range(step))), 0)
+    for phase in range(step):
+        rows = np.flatnonzero(np.resize(clear[:, phase::step].all(axis=1), len(signal)))
+        plane, count = signal[:, phase::step], len(rows) // _LINES
+        width = (plane.shape[1] - len(_FILTER) + 1) // _LENGTH * _LENGTH
+        for tile in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
+            lines = plane[rows[tile * _LINES : (tile + 1) * _LINES]]
+            high = sum(tap * lines[:, start : start + width] for start, tap in enumerate(_FILTER))
+            light, high = (part.reshape(_LINES, -1, _LENGTH) for part in (lines[:, 2 : 2 + width], high))
+            yield np.stack([light.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[:, light.max(axis=(0, 2)) < limit]
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
     """Slope and intercept, neither negative, of the line through the bins of smooth tiles: least squares of relative error."""
-    expected = np.maximum(variances, np.finfo(np.float32).tiny)
-    kept = np.ones(len(levels), bool)
-    slope, intercept = 0.0, float(np.median(variances))
+    tiny, terms = np.finfo(np.float32).tiny, np.stack([levels, np.ones_like(levels)], axis=1)
+    expected, smooth, line = np.maximum(variances, tiny), np.ones(len(levels), bool), terms[0]
     for _ in range(_ROUNDS):
-        weight = kept / expected**2
-        x, y = np.average(levels, weights=weight), np.average(variances, weights=weight)
-        spread = np.average((levels - x) ** 2, weights=weight)
-        slope = max(float(np.average((levels - x) * (variances - y), weights=weight) / spread), 0.0) if spread > 0 else 0.0
-        if (intercept := float(y - slope * x)) < 0:  # through the origin
-            slope, intercept = float(np.average(levels * variances, weights=weight) / np.average(levels**2, weights=weight)), 0.0
-        expected = np.maximum(slope * levels + intercept, np.finfo(np.float32).tiny)
-        kept = variances <= _TEXTURED * expected
-        if not kept.any():
+        weight = smooth / expected
+        line = np.linalg.lstsq(terms * weight[:, None], variances * weight)[0]
+        if line.min() < 0:  # one of both is 0
+            rest = int(line.argmax())
+            line = np.eye(2)[rest] * np.linalg.lstsq(terms[:, [rest]] * weight[:, None], variances * weight)[0]
+        expected = np.maximum(terms @ line, tiny)
+        smooth = variances <= _TEXTURED * expected
+        if not smooth.any():
             break
-    return max(slope, 0.0), intercept
+    return float(line[0]), float(line[1])

@@ -1,19 +1,21 @@
-"""Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites.
+"""Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites and spreads from there.
 
 The chromaticity of a tile describes it as a whole, but its sites lie pixels apart: each measures the chromaticity of its own
-channel at its own place, sample over luminance there. Between them a channel changes little, except across
-edges of luminance (the prior of section 3.3). Noise makes a single site worth little, so sites count as far as they show more than
-noise: elsewhere the chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
+channel at its own place, r[n] = sample over luminance. Between them a channel changes little, except across edges of luminance (the
+prior of section 3.3). Noise makes a single site worth little, so sites count as far as they show more than noise: elsewhere the
+chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
 
-Chromaticity from colour sites that are scattered: each channel is pinned at its own sites and spreads from there.
+Of each channel, the difference x from a base chromaticity b minimises
 
-The field of a channel is the one that stays close to what its sites measured and changes little from pixel to pixel, except across
-edges of luminance: a sum of squares, whose minimum conjugate gradients find. It departs from a base, a first guess, to which it
-fades where no site is trusted.
+    sum_n w[n] (b[n] + x[n] - r[n])^2 + f sum_n x[n]^2 + sum_nn' s (x[n] - x[n'])^2 / (1 + ((l[n] - l[n']) / t)^2),
+
+with the confidence w in a site (0 elsewhere), fading f, smoothness s, luminance l and an edge t (`numerics.linked`). The base is
+the picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,8 +44,8 @@ _BYTES, _CHANNEL = 29.0, 12.0  # of memory, per pixel of the rows that are held,
 _LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
 
 
-def _share(power: FloatArray, noise: FloatArray | None) -> FloatArray:
-    """How far sites count that miss the picture by `power`, where `noise` is the variance of their noise: 0 to 1, float32."""
+def _confidence(power: FloatArray, noise: FloatArray | None) -> FloatArray:
+    """Confidence in sites, 0 to 1, float32. power: squared residual of the picture there. noise: variance; None = there is none."""
     if noise is None:
         return np.ones_like(power)
     total: FloatArray = np.maximum(power + np.float32(_CAUTION) * noise, np.finfo(np.float32).tiny)
@@ -92,30 +94,29 @@ class Pinning(RowStage):
         variance = samples.scaled_variance(gamma, tiles)
         noise = None if variance is None else variance.mean(axis=2)
         power = signal_power(samples.missed(part, tiles), noise)
-        share = _share(power, noise) * samples.unclipped[tiles]
+        confidence = _confidence(power, noise) * samples.unclipped[tiles]
         places = samples.inside(part, tiles)
-        lights = np.stack([part.luminance[place] for place in places], axis=2)
+        luminance = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
-        squared = np.square(lights) / np.maximum(np.square(lights).mean(axis=2, keepdims=True), DARK**2)
-        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * samples.unclipped[tiles, :, None]
+        squared = np.square(luminance) / np.maximum(np.square(luminance).mean(axis=2, keepdims=True), DARK**2)
+        weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1) * samples.unclipped[tiles, :, None]
         if samples.lines is not None:
             apart = 1 - samples.lines.share[tiles]
-            share, trust = share * apart, trust * apart[..., None]
+            confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
-            light = lights[..., site]
-            lit = light > DARK
-            ratios[place] = np.where(lit, samples.samples[tiles, :, site] / np.where(lit, light, 1), 0)
-            weights[place] = np.where(lit, trust[..., site], 0)
-        return self._pinned(part, rows, self._base(part, share, tiles), ratios, weights)
+            lit = luminance[..., site] > DARK
+            ratios[place] = np.where(lit, samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1), 0)
+            weights[place] = np.where(lit, weight[..., site], 0)
+        return self._pinned(part, rows, self._base(part, confidence, tiles), ratios, weights)
 
-    def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:
+    def _base(self, part: Part, confidence: FloatArray, tiles: slice) -> FloatArray:
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood."""
         grid = self.measured.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
         interpolate(
-            share,
+            confidence,
             (float(grid.whole_rows[tiles.start]) + half - part.first, float(grid.whole_columns[0]) + half),
             grid.period,
             trusted,
@@ -128,73 +129,74 @@ class Pinning(RowStage):
 
     def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
         channels = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
-        shown = part.rows(*rows)
-        found = np.empty_like(shown.chromaticity)
-        prior = _SMOOTHNESS, _FADING, self._edge
-        tiles = tiles_of(rows, part.luminance.shape[1])
-        residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
-        pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found, residuals, used)
-        report(self.progress, "pinning", used, residuals, TOLERANCE)
-        total = (found @ self.measured.gamma)[..., None]
+        own, tiles = part.rows(*rows), tiles_of(rows, part.luminance.shape[1])
+        pinned = Pinned(np.empty_like(own.chromaticity), np.empty(tiles), np.empty(tiles, np.intp))
+        sites, prior = SiteRatios(channels, ratios, weights), (_SMOOTHNESS, _FADING, self._edge)
+        pin_samples(part.luminance, base, sites, (rows[0] - part.first, rows[1] - part.first), prior, pinned)
+        report(self.progress, "pinning", pinned.used, pinned.residuals, TOLERANCE)
+        total = (pinned.chromaticity @ self.measured.gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
-        return replace(shown, chromaticity=np.where(whole, found / np.where(whole, total, 1), shown.chromaticity))
+        return replace(own, chromaticity=np.where(whole, pinned.chromaticity / np.where(whole, total, 1), own.chromaticity))
 
 
 HALO = 16
 """Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
 TOLERANCE = 1e-4
 """Relative residual at which conjugate gradients stop. Chosen."""
-_ZERO = np.float32(0)
 
 
-@parallel_kernel()
+class SiteRatios(NamedTuple):
+    """What sites measured, (rows, W).
+
+    channels: the channel of each colour site; C elsewhere.
+    ratios: chromaticity of that channel.
+    weights: confidence in the site, 0 to 1.
+    """
+
+    channels: Bytes2
+    ratios: Floats2
+    weights: Floats2
+
+
+class Pinned(NamedTuple):
+    """Results, written.
+
+    chromaticity: (rows, W, C).
+    residuals, used: (tiles,), relative residual of the worst channel, and iterations.
+    """
+
+    chromaticity: Floats3
+    residuals: Doubles1
+    used: Ints1
+
+
+@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
 def pin_samples(
-    pieces: Pieces,
-    luminance: Floats2,
-    base: Floats3,
-    channels: Bytes2,
-    ratios: Floats2,
-    weights: Floats2,
-    first: int,
-    rows: Pair,
-    prior: Prior,
-    out: Floats3,
-    residuals: Doubles1,
-    used: Ints1,
+    pieces: Pieces, luminance: Floats2, base: Floats3, sites: SiteRatios, rows: Pair, prior: Prior, pinned: Pinned
 ) -> None:
     """Find the chromaticity of some rows of the frame.
 
     luminance, base: (rows, W) and (rows, W, C), a part of the picture that reaches `HALO` beyond the rows to find.
-    channels: (rows, W), the channel of each colour site; C elsewhere.
-    ratios: (rows, W), chromaticity of that channel as its site measured it.
-    weights: (rows, W), how far the site is trusted, 0 to 1.
-    first: the frame's row at luminance[0].
-    rows: first and end row to find; the first is a multiple of `TILE`.
-    prior: smoothness and fading relative to a site of weight 1, and the difference of luminance, scene units, that is an edge.
-    out: (rows, W, C), written.
-    residuals, used: (tiles,), written: see `spreading.spread_samples`; the worst of all channels.
+    rows: first and end row to find, of the part; tiles begin at the first.
     """
     (height, width), count = luminance.shape, base.shape[2]
     for number in range(pieces[0], pieces[1]):
         top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
-        top, bottom = rows[0] - first + top, rows[0] - first + bottom
-        above, below, before, after = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)
+        above, below = max(rows[0] + top - HALO, 0), min(rows[0] + bottom + HALO, height)
+        before, after = max(left - HALO, 0), min(right + HALO, width)
         size = below - above, after - before
-        links, normal, right_side, field = zeros(4, *size), zeros(1, *size), zeros(1, *size), zeros(1, *size)
+        links, normal, right_side, change = zeros(4, *size), zeros(count, *size), zeros(count, *size), zeros(count, *size)
         link(luminance[above:below, before:after], prior, links)
-        residuals[number], used[number] = 0.0, 0
-        for channel in range(count):
-            for row in range(size[0]):
-                for column in range(size[1]):
-                    y, x = above + row, before + column
-                    weight = weights[y, x] if channels[y, x] == channel else _ZERO
-                    normal[0, row, column] = weight
-                    right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
-                    field[0, row, column] = _ZERO
-            residual, iterations = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, field)
-            used[number] = max(iterations, used[number])
-            if residual > residuals[number] or np.isnan(residual):
-                residuals[number] = residual
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]
+        for y in range(above, below):
+            for x in range(before, after):
+                channel, weight = sites.channels[y, x], sites.weights[y, x]
+                if channel < count:
+                    normal[channel, y - above, x - before] = weight
+                    right_side[channel, y - above, x - before] = weight * (sites.ratios[y, x] - base[y, x, channel])
+        fading = np.float32(prior[1])
+        pinned.residuals[number], pinned.used[number] = solve(normal, right_side, links, fading, TOLERANCE, change)
+        for row in range(top, bottom):
+            y = rows[0] + row
+            for x in range(left, right):
+                for channel in range(count):
+                    pinned.chromaticity[row, x, channel] = base[y, x, channel] + change[channel, y - above, x - before]

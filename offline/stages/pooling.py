@@ -1,13 +1,23 @@
-"""Chromaticity from the pooled statistics of many similar blocks, where a single block is too noisy.
+"""Chromaticity from the pooled statistics of many similar blocks, where a single block is too noisy; not in the paper.
 
-The sums of Eqs. 8-9, A_i and sum l m, hold everything that a block knows about its chromaticity, each sample weighted by its
-precision. So the sums are added up, not the chromaticities: a dark block adds little to its neighbours and gains much from them,
-and so does a block on an edge, whose luminance is filled in and uncertain.
+The sums of Eqs. 8-9 hold everything that a block b knows about its chromaticity, for each channel i, with l its luminance, m its
+samples and v the variance of their errors:
 
-Eqs. 8-9 pull a block's chromaticity towards grey. Pooled sums are surer, and need less of that; and what a camera takes for grey is
-seldom the colour of a dark place. So they are pulled towards the chromaticity of all blocks around.
+    A_i(b) = sum l^2 / v,  B_i(b) = sum l m / v,  v = shot grey l + read^2 + (error c_i curvature(l))^2
 
-Weighted averages of the statistics of blocks over similar blocks nearby: all offsets of a window, sixteen blocks in lanes.
+So the sums are added up, not the chromaticities: a dark block adds little to its neighbours and gains much from them, and so does
+a block on an edge, whose luminance is filled in and uncertain. In each pass, over a window of blocks b' around b,
+
+    A'_i(b) = sum w(b, b') A_i(b'),  B' likewise,  w = near(b - b') exp(-d),
+    d = |n (c(b) - c(b'))|^2 / (2 tolerance (s^2(b) + s^2(b'))) + (log l(b) - log l(b'))^2 / (2 light^2),
+
+where c is the chromaticity so far, smoothed, s^2 the variance that noise has left in it, and n grows with the number of sites of a
+channel, whose differences are surer. Then c minimises
+
+    sum_i A'_i c_i^2 - 2 B'_i c_i + (c_i - e_i)^2 / (0.42 grey)^2  under  sum_i gamma_i c_i = 1.
+
+Eqs. 8-9 pull a block towards grey. Pooled sums are surer, and need less of that; and what a camera takes for grey is seldom the
+colour of a dark place. So e is the chromaticity of all blocks around.
 """
 
 from dataclasses import dataclass
@@ -15,17 +25,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.calibration import NoiseModel
+from shared.arrays import FloatArray
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums, curvature
-from ..cleaned import Cleaned
-from ..numerics.arrays import Floats1, Floats2, Floats3, Scalar, Single
+from ..frame import BlockSums, Cleaned, curvature
+from ..numerics.arrays import Floats1, Floats3, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import exponential, zeros
 from ..numerics.gaussian import smoothed
-from ..numerics.lanes import WIDTH, Lanes, load, quotient, store
 from ..numerics.pieces import BLOCK_ROWS, in_strips
 from ..stage import NotNegative, Positive, Range, StageSettings
 
@@ -74,14 +80,10 @@ _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
 _FAINTEST, _STRONGEST = 0.06, 3.0  # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
-_AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen (0.3)
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
 _UNSURE = 3.0  # standard deviations of noise added to luminance that is compared: without, shadows have a tenth more wrong hues
 _FOLLOWED = 0.02  # share of its own noise that a pooled block keeps, which chose its neighbours; without, even places lose 0.1 dB
 _EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected (0.1)
-# Keeps products of the least weights from becoming subnormal numbers, which take processors twenty times as long; a power of two
-# changes no digit of a sum.
-_LIFT = np.float32(2**24)
 # Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a photograph's median then loses 0.12 dB.
 _SURER = 0.25
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours fade; with 0.6, noise grows.
@@ -106,63 +108,51 @@ def pool_blocks(
     if not settings.used or noise is None or not noise.of_colours:
         return blocks
     progress.stage("pooling", len(settings.passes))
-    sites, gamma = frame.sites, frame.gamma
-    channels, (rows, columns) = len(gamma), sites.shape
-    chromaticity = sites.whole(blocks).transpose(2, 0, 1)
+    sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
+    chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
     sums, light = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
     if others is not None:
-        shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
-        variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE * frame.level**2)
-        sums[:channels] += others.weight.transpose(2, 0, 1) / variances
-        sums[channels:] += others.product.transpose(2, 0, 1) / variances
-    expected, level = _solved(smoothed(sums, _EXPECTED), gamma), frame.level
+        variances = noise.variance(np.float32(grey) * light[..., None], np.arange(len(gamma)))
+        precision = 1 / np.maximum(variances, _LEAST_VARIANCE * frame.level**2)
+        added = np.concatenate([others.weight * precision, others.product * precision], axis=2)
+        sums += np.moveaxis(added, 2, 0)
+    expected = _solved(smoothed(sums, _EXPECTED), frame)
+    unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(light))
+    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(2**0.5 * settings.light)
     surer = np.bincount(sites.channels).astype(np.float32)[:, None, None]
     surer = (surer / surer.mean()) ** np.float32(_SURER)
-    brightness = light  # in its place, for memory
-
-    def lit(rows: slice) -> None:
-        unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(light[rows]))
-        brightness[rows] = np.log(light[rows].clip(_LEAST_LIGHT * level) + unsure)
-
-    in_strips(lit, len(light), BLOCK_ROWS)
-    own = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
-    variance = own.copy()
+    variance = own = _variance(sums)
     for blur, tolerance, radius in settings.passes:
-        distance = np.arange(radius + 1) * (_NEAR / radius)
-        near = np.pad(_LIFT * np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
-        spare = [np.zeros_like(variance)] * (-channels % CHANNELS)
-        features = np.stack([*smoothed(surer * chromaticity, blur), *spare, (2 * tolerance) * variance, brightness])
-        pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
-        falloff = np.float32(-0.5 / settings.light**2)
-        pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
-        pooled = pooled[:, :, :columns]
-        in_strips(lambda rows: np.divide(pooled[:, rows], _LIFT, out=pooled[:, rows]), len(light), BLOCK_ROWS)  # noqa: B023
-        variance = np.float32(_FOLLOWED) * own + 1 / pooled[:channels].mean(axis=0).clip(_LEAST_PRECISION)
-        chromaticity = _solved(pooled, gamma, 1 / (_APART * frame.mosaic.calibration.grey), expected)
+        compared = smoothed(surer * chromaticity, blur)
+        features = np.stack([*compared, brightness, (2 * tolerance) * variance])
+        near = np.exp(-np.square(np.arange(radius + 1) * (_NEAR / radius)) / 2).astype(np.float32)
+        pooled, around = np.empty_like(sums), ((0, 0), (radius, radius), (radius, radius))
+        pool(np.pad(sums, around), np.pad(features, around, constant_values=1), near, pooled)
+        variance = np.float32(_FOLLOWED) * own + _variance(pooled)
+        chromaticity = np.moveaxis(_solved(pooled, frame, 1 / (_APART * grey), expected), 2, 0)
         progress.advance()
-    return sites.grid.extend(chromaticity.transpose(1, 2, 0))
+    return sites.grid.extend(np.moveaxis(chromaticity, 0, 2))
 
 
 def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
-    """The sums of Eqs. 8-9 of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows, columns).
+    """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows, columns).
 
-    The planes are sum l^2 of each channel, then sum l m of each channel. Each term is divided by the variance of its error. That is
-    the noise of the sample, taking the block for grey, and an error of luminance of `error` times its curvature, as the channel
-    sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
+    The noise of a sample takes the block for grey. chromaticity: (C, rows, columns), through which channels see the error of
+    luminance, which is `error` times its curvature.
     """
-    channels, noise = len(frame.gamma), frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma))
-    sums, light = np.zeros((2 * channels, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
-    signal = frame.signal
-    grey = np.float32(frame.mosaic.calibration.grey)
-    smooth, least = smoothed(chromaticity, _AROUND), _LEAST_VARIANCE * frame.level**2
+    channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
+    sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
+    light = np.zeros(frame.sites.shape, np.float32)
+    seen, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
-        seen = smooth[:, rows].clip(_FAINTEST * grey, _STRONGEST * grey)
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
             value = luminance[place]
-            variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-            variance += (np.float32(error) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
-            precision = 1 / np.maximum(variance, least)
+            bend = curvature(luminance, place, frame.sites.grid)
+            variance = np.square(np.float32(error) * seen[channel, rows] * bend)
+            if noise is not None:
+                variance += noise.variance(grey * value, channel)
+            precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
             sums[channel, rows] += value**2 * precision
             sums[channels + channel, rows] += value * signal[place] * precision
             light[rows] += value / len(frame.sites.places)
@@ -171,119 +161,78 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     return sums, light
 
 
-def _solved(sums: FloatArray, gamma: DoubleArray, sigma: float = 1.0, expected: FloatArray | None = None) -> FloatArray:
-    """Chromaticities, float32 (C, rows, columns), from sums of blocks, float32 (2 C, rows, columns); see `BlockSums.solved`.
+def _variance(sums: FloatArray) -> FloatArray:
+    """What noise leaves in chromaticities, the mean of the channels, from sums of blocks, (2 C, rows, columns)."""
+    return 1 / sums[: len(sums) // 2].mean(axis=0).clip(_LEAST_PRECISION)
+
+
+def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: FloatArray | None = None) -> FloatArray:
+    """Chromaticities, float32 (rows, columns, C), from sums of blocks, float32 (2 C, rows, columns); see `BlockSums.solved`.
 
     expected: as the result. A chromaticity is 1 / sigma from it, or from grey, as likely as a sum is wrong by its noise.
     """
-    channels = len(gamma)
-    found = np.empty((channels, *sums.shape[1:]), np.float32)
-
-    def work(rows: slice) -> None:
-        weight, product = np.moveaxis(sums[:, rows].astype(np.float64).reshape(2, channels, -1, sums.shape[2]), 1, 3)
-        centre = None if expected is None else expected[:, rows].transpose(1, 2, 0).astype(np.float64)
-        found[:, rows] = BlockSums(weight, product).solved(sigma, gamma, centre).transpose(2, 0, 1)
-
-    in_strips(work, sums.shape[1], BLOCK_ROWS)
-    return found
+    weight, product = np.moveaxis(sums.reshape(2, -1, *sums.shape[1:]), 1, 3)
+    return BlockSums(weight, product).solved(sigma, frame.gamma, expected).astype(np.float32)
 
 
-def _framed(planes: FloatArray, radius: int, value: float) -> FloatArray:
-    """`planes` with a frame of one value around them, as wide as a window reaches."""
-    return np.pad(planes, ((0, 0), (radius, radius + 1), (radius, radius + SLACK)), constant_values=np.float32(value))
+# exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once.
+_SHARE = np.float32(1 / 16)
+_ZERO, _ONE = np.float32(0), np.float32(1)
 
 
-SLACK = WIDTH
-"""Columns after the border, so that the last vector stays inside the array."""
-_TOGETHER = 2  # statistics that are summed together: the sums of more, for a pair of rows, do not fit in the registers of AVX2
-CHANNELS = 3
-"""Chromaticities that are compared together; their number is a multiple of this."""
-_PAIR = 2  # rows that are computed together: what is read for one serves the other
-_ZERO = np.float32(0)
+@parallel_kernel(pieces=lambda *given: given[-1].shape[1])
+def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled: Floats3) -> None:
+    """Sum the statistics of the blocks in a window around each block, weighted by w, see above.
 
-
-@parallel_kernel(pieces=lambda *given: -(-given[-1].shape[1] // _PAIR))
-def pool(pieces: Pieces, sums: Floats3, features: Floats3, radius: int, near: Floats2, light: Single, out: Floats3) -> None:
-    """Sum the statistics of the blocks in a window around each block, weighted by similarity.
-
-    The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
-    (sum of both variance planes) + light * (difference of log luminance)**2).
-
-    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame. S is even.
-    features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance. C is
-        a multiple of `CHANNELS`.
-    radius: radius of the window, blocks.
-    near: (radius + 2, radius + 1), weights by distance, to any scale; the last row is 0.
-    light: < 0, see above.
-    out: (S, rows, columns + SLACK), written.
+    sums: (S, radius + rows + radius, radius + columns + radius), the statistics; 0 outside the frame.
+    features: (C + 2, as `sums`): C chromaticities, the logarithm of luminance, and the variance, which is more than 0; each scaled,
+        so that d is (squared differences of the first) / (sum of the last) + (squared difference of the second).
+    near: (radius + 1,), weights by rows, and by columns, between blocks.
+    pooled: (S, rows, columns), written.
     """
-    rows = out.shape[1]
-    for pair in range(pieces[0], pieces[1]):
-        total, weights = zeros(_PAIR * len(sums), WIDTH), zeros(_PAIR, 2 * radius + 1, WIDTH)
-        centre = zeros(_PAIR, len(features), WIDTH)
-        for column in range(0, out.shape[2] - SLACK, WIDTH):
-            total[:] = _ZERO
-            for row in range(_PAIR):
-                for plane in range(len(features)):
-                    store(centre, (row, plane, 0), load(features, (plane, _PAIR * pair + row + radius, column + radius)))
-            for down in range(2 * radius + _PAIR):
-                y = _PAIR * pair + down
-                _weigh(
-                    features, centre, y, column, near[abs(down - radius)], near[abs(down - radius - 1)], np.float32(light), weights
-                )
-                _sum(sums, weights, y, column, total)
-            for row in range(_PAIR * pair, min(_PAIR * pair + _PAIR, rows)):
+    columns, radius, channels = pooled.shape[2], len(near) - 1, len(features) - 2
+    light, noise, here = channels, channels + 1, slice(radius, radius + columns)
+    for row in range(pieces[0], pieces[1]):
+        weight, own = np.empty(columns, np.float32), row + radius
+        pooled[:, row] = _ZERO
+        for y in range(row, row + 2 * radius + 1):
+            for x in range(2 * radius + 1):
+                there = slice(x, x + columns)
+                weight[:] = _ZERO
+                for plane in range(channels):
+                    _add_square(weight, features[plane, y, there], features[plane, own, here])
+                _divide(weight, features[noise, y, there], features[noise, own, here])
+                _add_square(weight, features[light, y, there], features[light, own, here])
+                _exponential(weight, near[abs(y - own)] * near[abs(x - radius)])
                 for plane in range(len(sums)):
-                    store(out, (plane, row, column), load(total, (_PAIR * plane + row % _PAIR, 0)))
+                    _add_product(pooled[plane, row], weight, sums[plane, y, there])
 
 
 @kernel
-def _weigh(
-    features: Floats3, centre: Floats3, y: int, column: int, near: Floats1, near_lower: Floats1, light: Scalar, weights: Floats3
-) -> None:
-    """The weights of all blocks in row `y` for a pair of rows of blocks: their features are `centre`, their distances `near`."""
-    channels, radius = len(features) - 2, weights.shape[1] // 2
-    for across in range(weights.shape[1]):
-        x, away = column + across, abs(across - radius)
-        upper = load(features, (channels, y, x)) * _ZERO
-        lower = upper
-        for channel in range(0, channels, CHANNELS):
-            a, b, c = load(features, (channel, y, x)), load(features, (channel + 1, y, x)), load(features, (channel + 2, y, x))
-            upper = _farther(upper, a, b, c, centre, 0, channel)
-            lower = _farther(lower, a, b, c, centre, 1, channel)
-        variance, brightness = load(features, (channels, y, x)), load(features, (channels + 1, y, x))
-        upper = _weight(upper, variance, brightness, centre, 0, channels, light) * near[away]
-        lower = _weight(lower, variance, brightness, centre, 1, channels, light) * near_lower[away]
-        store(weights, (0, across, 0), upper)
-        store(weights, (1, across, 0), lower)
+def _add_square(total: Floats1, a: Floats1, b: Floats1) -> None:
+    for column in range(len(total)):
+        difference = a[column] - b[column]
+        total[column] += difference * difference
 
 
 @kernel
-def _farther(distance: Lanes, a: Lanes, b: Lanes, c: Lanes, centre: Floats3, row: int, channel: int) -> Lanes:
-    """A squared distance, to which that of three features from those of a row of the pair is added."""
-    a -= load(centre, (row, channel, 0))
-    b -= load(centre, (row, channel + 1, 0))
-    c -= load(centre, (row, channel + 2, 0))
-    return distance + a * a + b * b + c * c
+def _divide(total: Floats1, a: Floats1, b: Floats1) -> None:
+    for column in range(len(total)):
+        total[column] /= a[column] + b[column]
 
 
 @kernel
-def _weight(distance: Lanes, variance: Lanes, brightness: Lanes, centre: Floats3, row: int, channels: int, light: Scalar) -> Lanes:
-    """How similar blocks are, from the squared distance of their chromaticities, their variance and their brightness."""
-    brighter = brightness - load(centre, (row, channels + 1, 0))
-    dissimilar = quotient(distance, load(centre, (row, channels, 0)) + variance)
-    return exponential(light * (brighter * brighter) - dissimilar)
+def _exponential(weight: Floats1, near: Scalar) -> None:
+    """Replace each d by near exp(-d)."""
+    for column in range(len(weight)):
+        root = max(_ONE - _SHARE * weight[column], _ZERO)
+        root *= root
+        root *= root
+        root *= root
+        weight[column] = near * root * root
 
 
 @kernel
-def _sum(sums: Floats3, weights: Floats3, y: int, column: int, total: Floats2) -> None:
-    """Add the weighted statistics of a row of the window to the totals of a pair of rows."""
-    for plane in range(0, len(sums), _TOGETHER):
-        t = _PAIR * plane
-        a, b, c, d = load(total, (t, 0)), load(total, (t + 1, 0)), load(total, (t + 2, 0)), load(total, (t + 3, 0))
-        for across in range(weights.shape[1]):
-            first, second = load(sums, (plane, y, column + across)), load(sums, (plane + 1, y, column + across))
-            upper, lower = load(weights, (0, across, 0)), load(weights, (1, across, 0))
-            a, b, c, d = a + upper * first, b + lower * first, c + upper * second, d + lower * second
-        for place, value in enumerate((a, b, c, d)):
-            store(total, (t + place, 0), value)
+def _add_product(total: Floats1, a: Floats1, b: Floats1) -> None:
+    for column in range(len(total)):
+        total[column] += a[column] * b[column]

@@ -1,9 +1,15 @@
 """Initial chromaticity of every pixel: a convex combination of the four blocks around it (section 3.3, Eqs. 10 and 14).
 
-Chromaticity of every pixel from the four blocks at the corners of its patch (Eqs. 10 and 14), and its colour (Eq. 17).
+Eq. 10: c[n] = sum_j kappa_j[n] c_j over the four blocks j at the corners of the patch of n.
+Eq. 14: kappa_j[n] = alpha_j[n]^2 l[n_j] / sum_i alpha_i[n]^2 l[n_i], with alpha the affinity (Eqs. 11-13) and l[n_j] the luminance
+at the corner of the patch that lies in block j.
+Eq. 17: the colour of a pixel is its chromaticity times its luminance.
+
+Literally: tests/reference/propagation.py.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +18,9 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from ..measured import Measured
-from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
+from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import unset, zeros
-from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
+from ..numerics.functions import unset
 from ..parts import Look, Part, RowStage
 from ..stage import Finite, StageSettings
 from ..tiling import core_patches, domain_places, patches_of
@@ -92,133 +97,119 @@ def propagate(
     (above, _), (left, _) = grid.padding
     fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, (top, bottom))[0]
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    weighting = settings.softness, settings.likeness
-    mix(fields, blocks, luminance, domain_places(grid), first, (top + above - first * grid.period, left), weighting, out)
+    light = Light(luminance, *domain_places(grid))
+    corner = top + above - first * grid.period, left
+    mix(fields, blocks, light, Place(first, *corner), Weighting(np.float32(settings.softness), np.float32(settings.likeness)), out)
     return out
 
 
-_ZERO, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
+_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
-Places = tuple[Ints1, Ints1]
-Weighting = tuple[Scalar, Scalar]
-"""(softness, likeness), see `PropagationSettings`."""
+
+class Light(NamedTuple):
+    """Luminance of the frame, (H, W), and the frame's row at each row of the domain, and its column at each column."""
+
+    luminance: Floats2
+    rows: Ints1
+    columns: Ints1
+
+
+class Place(NamedTuple):
+    """The first row of patches in the fields, and the row of the fields and column of the domain that belong to out[0, 0]."""
+
+    patch: int
+    row: int
+    column: int
+
+
+class Weighting(NamedTuple):
+    """See `PropagationSettings`."""
+
+    softness: Single
+    likeness: Single
 
 
 @parallel_kernel(pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2])
-def mix(
-    pieces: Pieces,
-    fields: Floats3,
-    blocks: Floats3,
-    luminance: Floats2,
-    places: Places,
-    first: int,
-    corner: Pair,
-    weighting: tuple[float, float],
-    out: Floats3,
-) -> None:
+def mix(pieces: Pieces, fields: Floats3, blocks: Floats3, light: Light, place: Place, weighting: Weighting, out: Floats3) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
     fields: (4, pixel rows, domain columns), the fields of whole rows of patches.
     blocks: (block rows, block columns, C), all blocks of the grid.
-    luminance: (H, W), the whole frame.
-    places: the frame's row at each row of the domain, and its column at each column.
-    first: index of the first row of patches in `fields`.
-    corner: row of `fields` and domain column that belong to out[0, 0].
-    weighting: softness and likeness; see `PropagationSettings`.
     out: (rows, W, C), written.
     """
-    softness, likeness = np.float32(weighting[0]), np.float32(weighting[1])
-    across = blocks.shape[1] - 1
-    period = fields.shape[2] // across
-    channels = blocks.shape[2]
-    width = fields.shape[2] + WIDTH
+    (_, _, width), (_, count, channels) = fields.shape, blocks.shape
+    period = width // (count - 1)
+    kappa, total, here, mixed = unset(CLASSES, width), unset(width), unset(width), unset(channels, width)
     for patch in range(pieces[0], pieces[1]):
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
-        light, colour = unset(CLASSES, width), unset(CLASSES + 1, channels, width)
-        _expand(blocks, luminance, places, first + patch, period, light, colour)
-        alpha, line, here = unset(CLASSES, width), unset(channels, width), zeros(width)
-        start = max(patch * period - corner[0], 0)
-        for row in range(start, min((patch + 1) * period - corner[0], len(out))):
+        lit, colour, mean = _expand(blocks, light, place.patch + patch, period)
+        for row in range(max(patch * period - place.row, 0), min((patch + 1) * period - place.row, len(out))):
+            source = light.luminance[light.rows[place.patch * period + row + place.row]]
+            for column in range(width if weighting.likeness > _ZERO else 0):
+                here[column] = max(source[light.columns[column]], _ZERO)
+            total[:] = _ZERO
             for kind in range(CLASSES):
-                source = fields[kind, row + corner[0]]
-                for column in range(len(source)):
-                    alpha[kind, column] = source[column]
-            if likeness > _ZERO:
-                place = places[0][first * period + row + corner[0]]
-                for column in range(fields.shape[2]):
-                    here[column] = max(luminance[place, places[1][column]], _ZERO)
-            _mix_row(alpha, fields.shape[2], light, colour, here, (softness, likeness), line)
+                _weigh(fields[kind, row + place.row], lit[kind], here, weighting, kappa[kind], total)
+            for column in range(width):
+                total[column] = _ONE / total[column] if total[column] > _LEAST else _ZERO
             for channel in range(channels):
-                mixed = line[channel, corner[1] :]
+                _mix(kappa, colour[channel], mean[channel], total, mixed[channel])
+            for channel in range(channels):
+                line = mixed[channel, place.column :]
                 for column in range(out.shape[1]):
-                    out[row, column, channel] = mixed[column]
+                    out[row, column, channel] = line[column]
 
 
 @kernel
-def _expand(blocks: Floats3, luminance: Floats2, places: Places, patch: int, period: int, light: Floats2, colour: Floats3) -> None:
-    """Repeat light and colour of each class's corner over its patch; the last plane of `colour` is the mean of the four corners."""
-    rows, columns = places
-    one = load(np.ones(WIDTH, np.float32), 0)
-    for across in range(blocks.shape[1] - 1):
-        left, right = across * period, (across + 1) * period
-        for kind in range(CLASSES):
-            down, over = _corner(kind, patch, across)
-            sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
-            for column in range(left, right, WIDTH):  # what runs over the end is written again, with the next patch
-                store(light, (kind, column), max(sample, _ZERO) * one)
-        for channel in range(blocks.shape[2]):
-            mean = _ZERO
-            for kind in range(CLASSES):
-                down, over = _corner(kind, patch, across)
+def _expand(blocks: Floats3, light: Light, patch: int, period: int) -> tuple[Floats2, Floats3, Floats2]:
+    """Repeat luminance and chromaticity of each class's corner over its patch, and the mean chromaticity of the four corners."""
+    count, channels = blocks.shape[1] - 1, blocks.shape[2]
+    lit, colour, mean = unset(CLASSES, count * period), unset(channels, CLASSES, count * period), unset(channels, count * period)
+    for kind in range(CLASSES):
+        down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
+        source = light.luminance[light.rows[patch * period + down * (period - 1)]]
+        for across in range(count):
+            over = (kind % 2 - across) % 2
+            sample = max(source[light.columns[across * period + over * (period - 1)]], _ZERO)  # l[n_j]
+            for column in range(across * period, (across + 1) * period):
+                lit[kind, column] = sample
+            for channel in range(channels):
                 value = blocks[patch + down, across + over, channel]
-                mean += _QUARTER * value
-                for column in range(left, right, WIDTH):
-                    store(colour, (kind, channel, column), value * one)
-            for column in range(left, right, WIDTH):
-                store(colour, (CLASSES, channel, column), mean * one)
+                for column in range(across * period, (across + 1) * period):
+                    colour[channel, kind, column] = value
+    for channel in range(channels):
+        a, b, c, d, line = colour[channel, 0], colour[channel, 1], colour[channel, 2], colour[channel, 3], mean[channel]
+        for column in range(len(line)):
+            line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
+    return lit, colour, mean
 
 
 @kernel
-def _corner(kind: int, patch: int, across: int) -> Pair:
-    """Which corner of a patch a class is at: 0 or 1 down, 0 or 1 to the right."""
-    return (kind // 2 - patch) % 2, (kind % 2 - across) % 2
-
-
-@kernel
-def _mix_row(
-    alpha: Floats2, columns: int, light: Floats2, colour: Floats3, here: Floats1, weighting: Weighting, line: Floats2
-) -> None:
-    for column in range(0, columns, WIDTH):
-        kappa0, kappa1, kappa2, kappa3 = (
-            _kappa(alpha, light, here, 0, column, weighting), _kappa(alpha, light, here, 1, column, weighting),
-            _kappa(alpha, light, here, 2, column, weighting), _kappa(alpha, light, here, 3, column, weighting),
-        )  # fmt: skip
-        total = kappa0 + kappa1 + kappa2 + kappa3
-        share = quotient(_ONE, total)
-        for channel in range(colour.shape[1]):
-            mixed = (
-                kappa0 * load(colour, (0, channel, column))
-                + kappa1 * load(colour, (1, channel, column))
-                + kappa2 * load(colour, (2, channel, column))
-                + kappa3 * load(colour, (3, channel, column))
-            )  # Eq. 10
-            # Where no corner has light, all count the same.
-            plain = load(colour, (CLASSES, channel, column))
-            store(line, (channel, column), where_less(_LEAST, total, mixed * share, plain))
-
-
-@kernel
-def _kappa(alpha: Floats2, light: Floats2, here: Floats1, kind: int, column: int, weighting: Weighting) -> Lanes:
-    """The weight of Eq. 14, before the four are scaled to a sum of one."""
-    softness, likeness = weighting
-    part, lit = load(alpha, (kind, column)), load(light, (kind, column))
-    part = softness + greater(part, _MINUS * part)  # |alpha|: of alpha^2 the sign does not count, and the solver leaves none
+def _weigh(alpha: Floats1, lit: Floats1, here: Floats1, weighting: Weighting, kappa: Floats1, total: Floats1) -> None:
+    """Write the weights of Eq. 14, not yet scaled to a sum of one, and add them to their total."""
+    softness, likeness = weighting.softness, weighting.likeness
     if likeness > _ZERO:
-        own = load(here, column)
-        apart, both = own - lit, own + lit
-        lit *= quotient(both * both, both * both + likeness * (apart * apart) + _LEAST)
-    return part * part * lit
+        for column in range(len(alpha)):
+            part, apart, both = softness + abs(alpha[column]), here[column] - lit[column], here[column] + lit[column]
+            alike = both * both / (both * both + likeness * (apart * apart) + _LEAST)
+            kappa[column] = part * part * lit[column] * alike
+            total[column] += kappa[column]
+    else:
+        for column in range(len(alpha)):
+            part = softness + abs(alpha[column])
+            kappa[column] = part * part * lit[column]
+            total[column] += kappa[column]
+
+
+@kernel
+def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: Floats1) -> None:
+    """Average a channel of the four blocks (Eq. 10). Where no corner has light, all count the same."""
+    a, b, c, d = kappa[0], kappa[1], kappa[2], kappa[3]
+    first, second, third, fourth = colour[0], colour[1], colour[2], colour[3]
+    for column in range(len(mixed)):
+        value = a[column] * first[column] + b[column] * second[column] + c[column] * third[column] + d[column] * fourth[column]
+        mixed[column] = value * share[column] if share[column] > _ZERO else mean[column]
 
 
 @parallel_kernel()

@@ -1,10 +1,14 @@
-"""Trust in the colour of each block: full where its samples add up to the luminance around it (Eq. 7).
+"""Trust in the colour of each block: full where its samples add up to the luminance around it (Eq. 7); not in the paper.
 
 If an edge or a stroke runs under a block, its samples show different surfaces, and their ratio is no chromaticity. Then they do not
-add up to luminance as interpolated from the panchromatic samples around the block, unless by chance. The less they do, the more the
-block takes the chromaticity of its neighbours. Beside clipped samples, where luminance is not known, the tolerance is smaller, and
-blocks are compared with one another, too: one that is darker than those around it, as under a stroke of over-exposed print, is not
-trusted. Blocks that do add up keep their colour, however saturated. The paper has none of this.
+add up to luminance l as interpolated from the panchromatic samples around the block, unless by chance. With s the standard
+deviation of the noise in the sum of the block's channels c_i,
+
+    trust = 1 / (1 + (|l - sum_i gamma_i c_i| / (tolerance l + 1.9 s))^4),
+
+and a block takes as much of the chromaticity of its neighbours as it lacks in trust. Beside clipped samples, where luminance is not
+known, the tolerance is smaller, and blocks are compared with one another, too: one that is darker than those around it, as under a
+stroke of over-exposed print, is not trusted. Blocks that do add up keep their colour, however saturated.
 """
 
 from dataclasses import dataclass
@@ -13,8 +17,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 
-from ..blocks import sum_noise
-from ..cleaned import Cleaned
+from ..frame import Cleaned, sum_noise
 from ..numerics.gaussian import smoothed
 from ..stage import Positive, Switch
 
@@ -27,7 +30,7 @@ class TrustSettings(Switch):
         its neighbours, > 0.
     """
 
-    kernels = "surroundings", "smooth"
+    kernels = ("smooth",)
     tolerance: Positive = 0.4
 
 
@@ -41,23 +44,20 @@ _TINY = 1e-9  # keeps divisions by luminance and by trust finite
 
 
 def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | None:
-    """Trust in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
+    """Return trust in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
 
     frame: its highlights not restored.
     """
     if not settings.used:
         return None
-    found, gamma = frame.around, frame.gamma
-    total = np.zeros(frame.sites.shape)
-    for channel, weight in enumerate(gamma):
-        total += weight * frame.samples[..., frame.sites.channels == channel].mean(axis=2)
-    light = found.light.mean(axis=2)
+    around, total = frame.around, frame.sites.means(frame.samples) @ frame.gamma
+    light, clipped = around.light.mean(axis=2), around.highest >= frame.clipping
     # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
-    apart = np.where(found.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
-    tolerance = settings.tolerance * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
-    unsure = sum_noise(frame.sites, found.light, gamma, frame.noise) if frame.noise else 0.0
+    apart = np.where(around.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
+    tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
+    unsure = sum_noise(frame.sites, around.light, frame.gamma, frame.noise) if frame.noise else 0.0
     trust = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
-    return np.where(found.highest >= frame.clipping, trust * in_keeping(total, unsure), trust)
+    return np.where(clipped, trust * in_keeping(total, unsure), trust)
 
 
 def in_keeping(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:

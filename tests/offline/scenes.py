@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.cleaned import Cleaned
+from offline.frame import Cleaned
 from offline.measured import BlockSamples
 from offline.stages.correction import block_samples
 from shared import CfaPattern, Mosaic

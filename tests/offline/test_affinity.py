@@ -1,15 +1,21 @@
 """The four parity fields against their reference, and against what makes them affinities."""
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
 import pytest
 
 from offline import SolverLog
-from offline.stages.affinity import AffinitySettings, solve_affinities
+from offline.numerics.conjugate_gradients import BORDER
+from offline.stages import affinity as stage
+from offline.stages.affinity import AffinitySettings, derivative_filters, solve_affinities, transmission
+from offline.tiling import bands, core_patches
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError
+from tests.offline.kernels.from_python import callable_kernel
+from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, gamma_of, materials
 from tests.reference import affinity as reference
 from tests.reference import geometry
@@ -24,6 +30,10 @@ PAPER = AffinitySettings()
 RENDERED = 0.03
 # Four values of about one, each rounded to float32.
 SUM = 5e-7
+# What a halo of two patches leaves at most, for periods up to 8. The solver's tolerance of 1e-3 leaves 0.1 and 1e-3.
+CUT, CUT_RMS = 0.01, 5e-4
+# Transmissions: squares and quotients of float32 differences, parts in a million of exponents up to a hundred.
+FLOAT32 = 1e-5
 
 
 def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
@@ -150,3 +160,75 @@ def test_solves_where_a_class_has_no_block() -> None:
     pattern = CfaPattern.with_block(("RGB",), 6)
     light = light_of(pattern, (6, 40))
     assert_close(solve(light, pattern, TIGHT), expected(light, pattern), SOLVED)
+
+
+def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
+    """Shading, steps and noise."""
+    random = np.random.default_rng(seed)
+    row, column = np.indices(shape)
+    steps = 0.4 * (np.sin(row / 9.0 + seed) * np.cos(column / 13.0) > 0.2)
+    return (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(np.float32)
+
+
+def compare_with_the_whole_frame(light: FloatArray, pattern: CfaPattern) -> None:
+    result, exact = solve(light, pattern, TIGHT), expected(light, pattern)
+    assert_close(result, exact, CUT)
+    assert np.sqrt(np.mean((result - exact) ** 2)) < CUT_RMS
+
+
+@pytest.mark.parametrize(("pattern", "shape"), frames(6, 150, seed=3))
+def test_small_regions_equal_the_whole_frame(pattern: CfaPattern, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cores of three patches: nine times as many borders as there will ever be."""
+    monkeypatch.setattr(stage, "core_patches", lambda _: (3, 3))
+    compare_with_the_whole_frame(shaded_steps(shape), pattern)
+
+
+@pytest.mark.parametrize(("period", "shape"), [(6, (139, 131)), (8, (91, 290))])
+def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> None:
+    pattern = CfaPattern.bayer(period, origin=(2, 3))
+    assert any(count > core for count, core in zip(pattern.grid(shape).patches, core_patches(period), strict=True))
+    compare_with_the_whole_frame(shaded_steps(shape, seed=1), pattern)
+
+
+@pytest.mark.parametrize("period", [3, 6])
+def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
+    pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
+    light = shaded_steps(shape)
+    entire = solve(light, pattern, PAPER)
+    steps = bands(pattern.grid(shape))
+    assert len(steps) > 1
+    for _ in each_thread_count:
+        parts = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]
+        assert np.array_equal(np.concatenate(parts, axis=2), entire)
+
+
+def transmissions(area: DoubleArray, period: int, scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Horizontal and vertical, of whole patches."""
+    filters = derivative_filters(scales)
+    light = np.pad(area.astype(np.float32), filters.smooth.shape[1] - 1, mode="reflect")
+    across, down = callable_kernel(transmission)(light, period, filters)[:, BORDER:-BORDER, : area.shape[1]]
+    return across, down
+
+
+@pytest.mark.parametrize("scales", [PAPER.scales, (0.4, 0.9, 2.0), (0.1,)])
+@pytest.mark.parametrize(("period", "patches"), [(3, (1, 1)), (4, (5, 3)), (6, (4, 7)), (16, (2, 3))])
+def test_edges_equal_the_reference(period: int, patches: tuple[int, int], scales: tuple[float, ...]) -> None:
+    """Eq. 13."""
+    area = np.random.default_rng(period).uniform(size=(patches[0] * period, patches[1] * period)) ** 3
+    for axis, result in zip((1, 0), transmissions(area, period, scales), strict=True):
+        assert_close(result, np.exp(-reference.edges(area, period, scales, axis)), FLOAT32)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.7, -3.0, 1e4, 1e-30])
+def test_even_light_has_no_edges(value: float) -> None:
+    for result in transmissions(np.full((12, 18), value), 6, PAPER.scales):
+        assert (result == 1).all()
+
+
+def test_a_step_is_an_edge_in_one_direction() -> None:
+    area = np.ones((12, 12))
+    area[:, 9:] = 2.0
+    across, down = transmissions(area, 6, PAPER.scales)
+    assert across[:, 8:10].max() < 0.2
+    assert (down == 1).all()
+    assert (across[:, :5] > 0.99).all()

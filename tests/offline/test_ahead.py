@@ -21,7 +21,7 @@ samples = np.clip(mosaic.samples / 3 * 4095, 0, 4095).astype(np.uint16)
 samples[70, 100] = 4095  # defective
 settings = getattr(offline, sys.argv[1])
 offline.warm_up(settings)
-rare = {"raise_clipped", "interpolate", "mend_panchromatic"}
+rare = {"interpolate"}
 print({name for name in kernels if kernels[name].ready} ^ (set(used_kernels(settings)) - rare))
 offline.render(type(mosaic)(samples, mosaic.pattern, mosaic.calibration), settings)
 print({name for name in kernels if kernels[name].ready} ^ set(used_kernels(settings)))

@@ -6,24 +6,26 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.blocks import Sites
-from offline.cleaned import Cleaned
+from offline.frame import Cleaned, Sites
 from offline.stages.chromaticity import ChromaticitySettings
 from offline.stages.defects import DefectsSettings, mend_defects
+from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from tests.offline.scenes import every_case, shot
+from tests.offline.stage_tests import StageTests
 from tools.camera.sensor import simulate_additive
 
 SETTINGS = BEST.defects
+LISTED = replace(SETTINGS, contrast=0.0)
 FULL = 3.0
 
 
-def mend(mosaic: Mosaic, settings: DefectsSettings) -> Mosaic:
+def mend(mosaic: Mosaic, settings: DefectsSettings = SETTINGS) -> Mosaic:
     return mend_defects(Cleaned(mosaic, np.inf), settings).mosaic
 
 
-def photographed(scene: FloatArray, sigma: float) -> Mosaic:
+def photographed(scene: FloatArray, sigma: float = 0.0) -> Mosaic:
     return simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
 
 
@@ -44,16 +46,39 @@ def smooth(shape: tuple[int, int] = (48, 60)) -> FloatArray:
     return (light[..., None] * [0.9, 0.6, 0.3]).astype(np.float32)
 
 
+def stars() -> FloatArray:
+    """Stars as a lens draws them, and lines one pixel wide."""
+    row, column = np.indices((60, 60))
+    light = np.full((60, 60), 0.02)
+    for at in ((9.3, 8.8), (20.0, 31.0), (33.5, 44.5), (45.2, 15.9)):
+        light += 0.9 * np.exp(-((row - at[0]) ** 2 + (column - at[1]) ** 2) / (2 * 0.6**2))
+    light[50, 5:50] = light[5:55, 55] = 0.9
+    np.fill_diagonal(light[25:45, 2:22], 0.9)
+    return np.repeat(light[..., None], 3, axis=2).astype(np.float32)
+
+
+def dots() -> FloatArray:
+    """Single pixels, a hundredth of all and more: it is the scene that is so."""
+    scene = np.full((60, 60, 3), 0.1, np.float32)
+    scene[::4, ::5] = 0.8
+    return scene
+
+
+class TestDefects(StageTests):
+    def run(self, mosaic: Mosaic) -> FloatArray:
+        hurt, hot = with_hot(mosaic, 0.03)
+        return recover_luminance(mend(listing(hurt, hot)), PAPER.luminance)
+
+
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
 def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: float) -> None:
     sound = photographed(smooth(), sigma)
-    assert mend(sound, SETTINGS) is sound
+    assert mend(sound) is sound
     hurt, hot = with_hot(sound, 0.002)
-    found = mend(hurt, SETTINGS).signal != hurt.signal
-    inside = np.zeros_like(hot)
-    inside[6:-6, 6:-6] = True
+    changed = mend(hurt).signal != hurt.signal
+    inside = np.s_[6:-6, 6:-6]
     assert hot[inside].sum() > 2
-    assert np.array_equal(found[inside], hot[inside])
+    assert np.array_equal(changed[inside], hot[inside])
 
 
 @pytest.mark.parametrize("value", [FULL, 0.0])
@@ -61,7 +86,7 @@ def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
     """Hot or dead, each site of a block, and without the medians' help: the picture is as with it."""
     row, column = np.indices((48, 60))
     scene = ((0.5 + row / 500 + column / 800)[..., None] * [0.9, 0.6, 0.3]).astype(np.float32)
-    sound = photographed(scene, 0.0)
+    sound = photographed(scene)
     best, paper = (replace(preset, chromaticity=ChromaticitySettings(taps=1)) for preset in (BEST, PAPER))
     before = render(sound, best).rgb
     for down, across, _ in sound.pattern.sites:
@@ -78,58 +103,51 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
     mosaic = shot(pattern, shape)
     places = np.random.default_rng(1).random(shape) < 0.2
     wild = np.where(places, np.random.default_rng(2).uniform(-1, 5, shape), mosaic.signal).astype(np.float32)
-    settings = replace(SETTINGS, contrast=0.0)
-    first, second = (mend(listing(replace(mosaic, samples=samples), places), settings).signal for samples in (mosaic.signal, wild))
+    first, second = (mend(listing(replace(mosaic, samples=samples), places), LISTED).signal for samples in (mosaic.signal, wild))
     judged = pattern.panchromatic_mask(shape)
     judged[Sites.in_frame(mosaic).pixels] = True
     assert np.array_equal(first[judged], second[judged])
     assert np.array_equal(first[~places], mosaic.signal[~places])
+    every = listing(mosaic, np.ones(shape, bool))
+    assert np.isfinite(render(every, BEST).rgb).all()
 
 
-@every_case
-def test_there_is_a_picture_though_every_sample_is_listed(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    assert np.isfinite(render(listing(shot(pattern, shape), np.ones(shape, bool)), BEST).rgb).all()
+def test_a_listed_sample_on_a_slope_becomes_the_slope() -> None:
+    row, column = np.indices((48, 60))
+    sound = photographed(np.repeat((0.2 + row / 300 + column / 200)[..., None], 3, axis=2).astype(np.float32))
+    places = np.zeros(sound.shape, bool)
+    places[[10, 21, 21, 40], [11, 33, 34, 5]] = True
+    assert np.abs(mend(listing(with_hot(sound, 0.0)[0], places), LISTED).signal - sound.signal).max() < 1e-3
+
+
+def test_along_an_edge_the_edge_goes_on() -> None:
+    scene = np.full((48, 60, 3), 0.1, np.float32)
+    scene[:, 32:] = 0.5
+    sound, places = photographed(scene), np.zeros((48, 60), bool)
+    places[[9, 16, 22, 34], [31, 32, 32, 31]] = True
+    assert np.abs(mend(listing(sound, places), LISTED).signal - sound.signal).max() < 0.05
 
 
 def test_a_listed_sample_below_black_is_mended_within_the_range_of_the_others() -> None:
     """There are no ratios to light where there is none."""
     random = np.random.default_rng(0)
-    mosaic = photographed(random.uniform(-1, 0.5, (48, 60, 3)).astype(np.float32), 0.0)
-    found = mend(listing(mosaic, random.random(mosaic.shape) < 0.1), replace(SETTINGS, contrast=0.0)).signal
-    assert np.abs(found).max() < 2 * np.abs(mosaic.signal).max()
+    mosaic = photographed(random.uniform(-1, 0.5, (48, 60, 3)).astype(np.float32))
+    mended = mend(listing(mosaic, random.random(mosaic.shape) < 0.1), LISTED).signal
+    assert np.abs(mended).max() < 2 * np.abs(mosaic.signal).max()
 
 
-def test_places_outside_the_frame_are_nobodys() -> None:
-    mosaic = photographed(smooth(), 0.0)
-    calibration = replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))
-    mosaic = replace(mosaic, calibration=calibration)
-    assert mend(mosaic, SETTINGS) is mosaic
+def test_places_outside_the_frame_are_nobodys_and_paper_takes_every_sample_for_good() -> None:
+    mosaic = photographed(smooth())
+    outside = replace(mosaic, calibration=replace(mosaic.calibration, defects=((3, 4000), (4000, 3))))
+    assert mend(outside) is outside
+    hurt = listing(*with_hot(mosaic, 0.01))
+    assert mend(hurt, PAPER.defects) is hurt
 
 
-def test_paper_takes_every_sample_for_good() -> None:
-    hurt, hot = with_hot(photographed(smooth(), 0.0), 0.01)
-    listed = listing(hurt, hot)
-    assert mend(listed, PAPER.defects) is listed
-
-
-def test_a_texture_of_single_pixels_is_a_picture() -> None:
-    """Where a hundredth of all samples stand out, it is the scene that is so."""
-    scene = np.full((60, 60, 3), 0.1, np.float32)
-    scene[::4, ::5] = 0.8
-    mosaic = photographed(scene, 0.0)
-    assert mend(mosaic, SETTINGS) is mosaic
-
-
-def test_small_bright_things_stay() -> None:
-    """Stars as a lens draws them, and lines one pixel wide."""
-    row, column = np.indices((60, 60))
-    light = np.full((60, 60), 0.02)
-    for at in ((9.3, 8.8), (20.0, 31.0), (33.5, 44.5), (45.2, 15.9)):
-        light += 0.9 * np.exp(-((row - at[0]) ** 2 + (column - at[1]) ** 2) / (2 * 0.6**2))
-    light[50, 5:50] = light[5:55, 55] = 0.9
-    np.fill_diagonal(light[25:45, 2:22], 0.9)
-    mosaic = photographed(np.repeat(light[..., None], 3, axis=2).astype(np.float32), 0.0)
-    assert mend(mosaic, SETTINGS) is mosaic
+@pytest.mark.parametrize("scene", [stars(), dots()])
+def test_small_bright_things_stay(scene: FloatArray) -> None:
+    mosaic = photographed(scene)
+    assert mend(mosaic) is mosaic
 
 
 @pytest.mark.parametrize(("around", "thing"), [(0.8, 0.06), (0.1, 0.8)])
@@ -141,7 +159,7 @@ def test_what_a_colour_site_beside_it_sees_as_well_stays(around: float, thing: f
     scene = np.full((48, 60, 3), around, np.float32)
     scene[row : row + 2, column] = thing
     mosaic = photographed(scene, sigma)
-    assert mend(mosaic, SETTINGS) is mosaic
+    assert mend(mosaic) is mosaic
     scene[row + 1, column] = around
     alone = photographed(scene, sigma)
-    assert np.argwhere(mend(alone, SETTINGS).signal != alone.signal).tolist() == [[row, column]]
+    assert np.argwhere(mend(alone).signal != alone.signal).tolist() == [[row, column]]

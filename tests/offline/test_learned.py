@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline import BEST, available_threads, network_name, render, render_bands, rendering_memory, threads, use_threads
+from offline import BEST, network_name, render, render_bands, rendering_memory
 from offline.measured import BlockSamples, ColourLines
 from offline.parts import Part
 from offline.stages import colour_network as module
-from offline.stages.colour_network import MOST_REACH, REACH, UNKNOWN, Cells, Inputs, Learned, boxes
+from offline.stages.colour_network import REACH, UNKNOWN, Cells, Learned, Residuals
 from offline.stages.correction import Missed
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
@@ -59,26 +59,31 @@ def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
     return learned(pattern, sites)(part, (0, len(rgb))).chromaticity
 
 
-@pytest.mark.parametrize("period", [4, 5, 6, 8])
-def test_there_is_a_network_for_bayer_blocks(period: int) -> None:
-    assert {network_name(CfaPattern.bayer(period, order)) for order in ("RGGB", "GRBG", "GBRG", "BGGR")} == {f"rggb-k{period}"}
-    assert network_name(CfaPattern.bayer(7)) is None
-    assert network_name(CfaPattern.with_block(("RG", "WB"), period)) is None
-    assert network_name(CfaPattern.with_block(("RGB",), period)) is None
-    assert network_name(CfaPattern.with_block(("RGGB",), period)) is None
+def blocks_of(period: int, *letters: str) -> list[CfaPattern]:
+    """Patterns with blocks whose rows are separated by "/"."""
+    return [CfaPattern.with_block(tuple(each.split("/")), period) for each in letters]
 
 
-def test_there_is_a_network_for_a_block_of_three_sites() -> None:
-    images = ("RG", "BW"), ("GR", "WB"), ("BW", "RG"), ("WB", "GR")
-    assert {network_name(CfaPattern.with_block(block, 4)) for block in images} == {"rgbw-k4"}
-    assert network_name(CfaPattern.with_block(("RB", "GW"), 4)) is None
+KODAK = CfaPattern.of_letters("kodak").tile
 
 
-def test_there_is_a_network_for_kodaks_tile_and_its_mirror_images() -> None:
-    tile = CfaPattern.of_letters("kodak").tile
-    images = [tile, tile[::-1], tuple(row[::-1] for row in tile), tuple(row[::-1] for row in tile[::-1])]
-    assert {network_name(CfaPattern(image)) for image in images} == {"gwrwwgwrbwgwwbwg-k4"}
-    assert network_name(CfaPattern.of_letters("sony")) is None
+@pytest.mark.parametrize(
+    ("name", "patterns"),
+    [
+        *[(f"rggb-k{period}", blocks_of(period, "RG/GB", "GR/BG", "GB/RG", "BG/GR")) for period in (4, 5, 6, 8)],
+        ("rgbw-k4", blocks_of(4, "RG/BW", "GR/WB", "BW/RG", "WB/GR")),
+        (
+            "gwrwwgwrbwgwwbwg-k4",
+            [CfaPattern(tuple(row[::step] for row in rows)) for rows in (KODAK, KODAK[::-1]) for step in (1, -1)],
+        ),
+        (
+            None,
+            [*blocks_of(7, "RG/GB"), *blocks_of(6, "RG/WB", "RGB", "RGGB"), *blocks_of(4, "RB/GW"), CfaPattern.of_letters("sony")],
+        ),
+    ],
+)
+def test_a_network_serves_a_block_and_its_mirror_images(name: str | None, patterns: list[CfaPattern]) -> None:
+    assert {network_name(pattern) for pattern in patterns} == {name}
 
 
 def test_all_networks_together_are_small() -> None:
@@ -128,29 +133,13 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPatter
     part = replace(part, missed=Missed(sites, ONES)(black, (0, shape[0])).missed)
     cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
-    inputs = Inputs(cells, part, sites, ONES)
-    picture, (error, variance) = inputs.picture(*whole), inputs.blocks(*whole)
+    picture, (error, variance, _) = cells.picture(part, ONES, *whole), Residuals(cells, part, sites, ONES).of(*whole)
     picture = picture.reshape(3, cells.shape[0], period, cells.shape[1], period).transpose(0, 1, 3, 2, 4)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
         assert known.sum() == sites.unclipped.size
         assert_close(error[number][known], picture[channel, :, :, row, column][known], 1e-6)
-
-
-def test_the_whole_picture_does_not_depend_on_bands_or_threads() -> None:
-    rgb = np.concatenate([scene(220, 250), scene(220, 250)[::-1]])
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(6, "GRBG", origin=(1, 4)), GREY, 0.005, np.random.default_rng(0))
-    expected = render(mosaic).rgb
-    assert np.abs(expected - render(mosaic, WITHOUT).rgb).max() > 0.01
-    assert np.array_equal(np.concatenate(list(render_bands(mosaic))), expected)
-    before = threads()
-    try:
-        for count in {1, available_threads()}:
-            use_threads(count)
-            assert np.array_equal(render(mosaic).rgb, expected)
-    finally:
-        use_threads(before)
 
 
 def test_what_lies_beyond_a_tiles_reach_does_not_matter() -> None:
@@ -234,26 +223,25 @@ def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: 
 
 
 def test_the_network_runs_only_where_it_corrects_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place of colour in a flat frame of 2 x 2 tiles."""
     rgb = np.full((330, 340, 3), 0.3, np.float32)
-    rgb[100:150, 90:100] = rgb[290:300, 200:330] = 0.9, 0.1, 0.2
-    pattern = CfaPattern.bayer(6, "GRBG", origin=(1, 4))
-    part, sites = measured(rgb, pattern, 0.01)
-    found = learned(pattern, sites)(part, (0, 330)).chromaticity
-    monkeypatch.setattr(module, "boxes", lambda wanted, reach: [(0, 0, *wanted.shape)])
-    assert_close(learned(pattern, sites)(part, (0, 330)).chromaticity, found, 1e-6)
+    rgb[100:150, 90:100] = 0.9, 0.1, 0.2
+    pattern, asked = CfaPattern.bayer(6, "GRBG", origin=(1, 4)), list[tuple[int, ...]]()
+    part, samples = measured(rgb, pattern)
+    stage = learned(pattern, samples)
+    network = load_network(stage.path)
 
+    class Counted:
+        def run(self, names: None, inputs: dict[str, FloatArray]) -> list[FloatArray]:
+            asked.append(inputs["features"].shape[2:])
+            return network.run(names, inputs)
 
-def test_boxes_cover_what_is_wanted() -> None:
-    random = np.random.default_rng(0)
-    for density in (0.0, 0.002, 0.02, 0.5):
-        wanted = random.random((48, 48)) < density
-        covered, area = np.zeros_like(wanted), 0
-        for top, left, height, width in boxes(wanted, 5):
-            covered[top : top + height, left : left + width] = True
-            area += height * width
-        assert covered[wanted].all()
-        assert area == covered.sum()  # nothing twice
-        assert area <= (0 if density == 0 else 48 * 48 * min(1, 60 * density))
+    monkeypatch.setattr(module, "load_network", lambda _: Counted())
+    changed = np.abs(stage(part, (0, 330)).chromaticity - part.chromaticity).max(axis=2) > 0
+    assert len(asked) == 1
+    assert max(asked[0]) < 30
+    assert changed[100:150].any()
+    assert not changed[200:].any()
 
 
 def test_no_channel_gains_or_loses_more_than_all_light() -> None:
@@ -279,10 +267,12 @@ def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.
     assert rendering_memory(mosaic, BEST) > rendering_memory(mosaic, WITHOUT) + 90e6
 
 
-def test_every_network_sees_no_more_than_a_stage_looks_at() -> None:
-    reaches = [load_network(path).get_modelmeta().custom_metadata_map.get(REACH) for path in sorted(NETWORKS.glob("*-k*.onnx"))]
-    assert reaches
-    assert all(0 < int(reach) <= MOST_REACH for reach in reaches)
+@pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
+def test_every_network_sees_as_far_as_the_stage_looks(path: Path) -> None:
+    network = load_network(path)
+    side, (inputs,) = 2 * REACH + 3, network.get_inputs()
+    (answer,) = network.run(None, {"features": np.zeros((1, inputs.shape[1], side, side), np.float32)})
+    assert answer.shape[2:] == (3, 3)
 
 
 def test_bands_of_a_frame_without_whole_tiles() -> None:

@@ -13,13 +13,10 @@ def propagate(
     affinity: DoubleArray,
     luminance: DoubleArray,
     pattern: CfaPattern,
-    softness: float = 0.0,
-    likeness: float = 0.0,
 ) -> DoubleArray:
     """Chromaticity of every pixel, (H, W, C).
 
     affinity: the fields that `affinity.fields` returns.
-    softness, likeness: not in the paper; see `PropagationSettings`.
     """
     period, area, (top, left) = pattern.period, domain(luminance, pattern), first_patch(pattern)
     result = np.empty((*luminance.shape, blocks.shape[-1]))
@@ -30,11 +27,9 @@ def propagate(
             corners = [(a, b) for a in (0, 1) for b in (0, 1)]
             kappa = []
             for a, b in corners:
-                alpha = abs(affinity[(i + a) % 2, (j + b) % 2, y, x])
+                alpha = affinity[(i + a) % 2, (j + b) % 2, y, x]
                 light = max(area[i * period + a * (period - 1), j * period + b * (period - 1)], 0.0)  # l[n_j]
-                here = max(luminance[row, column], 0.0)
-                apart = (here - light) / (here + light) if light else 0.0
-                kappa.append((alpha + softness) ** 2 * light / (1 + likeness * apart**2))  # Eq. 14
+                kappa.append(alpha**2 * light)  # Eq. 14
             if sum(kappa) == 0:
                 kappa = [1.0] * 4
             result[row, column] = sum(

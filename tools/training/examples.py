@@ -13,7 +13,7 @@ import numpy as np
 from offline.parts import Part
 from offline.render import measure, parts_of
 from offline.settings import BEST
-from offline.stages.colour_network import UNKNOWN, Cells, Inputs
+from offline.stages.colour_network import Cells, Residuals
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.writing import durable_file
@@ -39,7 +39,7 @@ class Example:
 
     picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
     truth: float16, the same of the scene.
-    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.stages.colour_network.Inputs`.
+    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.stages.colour_network.Residuals`.
     """
 
     picture: FloatArray
@@ -86,15 +86,14 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     corrected = Part.joined(list(parts_of(measured, settings)))
     assert measured.samples is not None  # BEST uses them
     cells = Cells.of(measured.samples.sites)
-    inputs = Inputs(cells, corrected, measured.samples, gamma)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
-    error, variance = inputs.blocks(rows, columns)
+    error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
     return Example(
-        inputs.picture(rows, columns).astype(_KIND),
-        cells.picture(truth, gamma, rows, columns, mosaic.shape[0]).astype(_KIND),
+        cells.picture(corrected, gamma, rows, columns).astype(_KIND),
+        cells.picture(truth, gamma, rows, columns).astype(_KIND),
         error.astype(_KIND),
-        np.minimum(variance[None], np.float32(UNKNOWN)),
+        variance[None],
     )
 
 

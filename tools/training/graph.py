@@ -17,7 +17,6 @@ import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
-from offline.stages.colour_network import REACH
 from shared.arrays import FloatArray, IndexArray
 from shared.writing import write_durably
 
@@ -116,7 +115,7 @@ def save_graph(
         ("features", [1, inputs, "rows", "columns"]),
         ("correction", [1, outputs, "inner_rows", "inner_columns"]),
     )
-    graph.write(path, *ends, {**facts, REACH: str(blocks + 1)})
+    graph.write(path, *ends, facts)
 
 
 def _add_blocks(

@@ -14,19 +14,15 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from offline.stages.colour_network import GATE, SURROUNDINGS
+from offline.stages.colour_network import BASIS, EVIDENCE, GATE, LUMINANCE, MARGIN, RANGE, REACH, SURROUNDINGS
 from shared.arrays import FloatArray
 
-CHANNELS, BLOCKS = 128, 4
+CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
-HALO = BLOCKS + 3
+HALO = REACH + MARGIN
 """Cells around a result that it depends on: two for activity, and one for each 3 x 3 convolution."""
-
-# Orthonormal, perpendicular to (1, 1, 1): what is in these directions keeps luminance, the sum of the channels.
-BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
-LUMINANCE, EVIDENCE, RANGE, LEAST = 0.25, 4.0, 8.0, 1e-30
-"""Share of luminance in activity; bound of the correction in units of the contrast of colour; bound of the inputs; least squared
-activity, scene units squared, which only keeps quotients finite."""
+LEAST = 1e-30
+"""Least squared activity, scene units squared, which only keeps quotients finite."""
 HUE, DARK = 0.06, 0.002
 """A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and this many scene units."""
 
@@ -70,7 +66,7 @@ class Network(nn.Module):  # type: ignore[misc]
 def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
-    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Inputs`.
+    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Residuals`.
     """
     pixels = light.shape[1]
     mean_light, *tints, noise = (

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from scipy.linalg import block_diag
 
-from offline.stages.colour_network import SURROUNDINGS
+from offline.stages.colour_network import BASIS, SURROUNDINGS
 from offline.version import ALGORITHM
 from shared.arrays import FloatArray, IndexArray
 from shared.errors import InputError
@@ -29,7 +29,7 @@ from shared.writing import durable_file
 
 from .examples import DRAWN, kept_back, load_example, make_example, save_example
 from .graph import Turn, load_weights, save_graph
-from .network import BASIS, HALO, Network, descent, losses, optimiser_of, share_left, units
+from .network import HALO, Network, descent, losses, optimiser_of, share_left, units
 
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue

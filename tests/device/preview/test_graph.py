@@ -14,15 +14,12 @@ from device.preview.graph import build_preview
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
-from shared.display import ColourTransform
 from tests.reference.compare import assert_close
-from tests.reference.preview import preview, small_preview
 from tools.camera.sensor import sample
+from tools.pictures.display import ColourTransform
 
 DIGEST = "faf08fc3c36a738ca7b9fd0e8377667a6ccd1f520716f51cb6876c2edfd9e953"
 """Of the graphs of CASES."""
-SINGLE = 2e-6
-"""Of a literal double-precision preview, scene units: what single precision loses in ratios of small differences, 8e-7 here."""
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
     noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
@@ -47,17 +44,6 @@ CASES = [
 """Patterns and scales."""
 
 
-def calibration_of(pattern: CfaPattern) -> SensorCalibration:
-    count = len(pattern.channels)
-    return SensorCalibration(
-        channels=pattern.channels,
-        gamma=tuple(np.linspace(0.7, 1.2, count)),
-        noise=NoiseModel((2e-4,) * (count + 1), (3e-3,) * (count + 1)),
-        black_level=tuple(np.linspace(190, 210, count + 1)),
-        white_level=3900,
-    )
-
-
 def codes(shape: tuple[int, int], seed: int = 0) -> np.ndarray:
     """A smooth scene with an edge and noise, so that every stage has something to do; some black, some at the white level."""
     rng = np.random.default_rng(seed)
@@ -68,14 +54,6 @@ def codes(shape: tuple[int, int], seed: int = 0) -> np.ndarray:
 
 def linear(mosaic: Mosaic, scale: int = 1) -> FloatArray:
     return np.asarray(Preview(mosaic.pattern, scale, linear=True, threads=1).run(mosaic), np.float32)
-
-
-@pytest.mark.parametrize(("pattern", "scale"), CASES)
-def test_it_is_the_literal_preview(pattern: CfaPattern, scale: int) -> None:
-    """With a model of the noise, and at full resolution also without."""
-    for calibration in (calibration_of(pattern), SensorCalibration(pattern.channels))[: 2 if scale == 1 else 1]:
-        mosaic = Mosaic(codes((19, 25) if scale == 1 else (37, 52)), pattern, calibration)
-        assert_close(linear(mosaic, scale), preview(mosaic) if scale == 1 else small_preview(mosaic, scale), SINGLE)
 
 
 @pytest.mark.parametrize("scale", [1, 2, 3, 6])

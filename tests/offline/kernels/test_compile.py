@@ -14,7 +14,6 @@ import pytest
 from offline.numerics import compile as product
 from offline.numerics.arrays import Ints1
 from offline.numerics.interpolation import interpolate
-from offline.stages.highlights import raise_clipped
 from shared.arrays import IndexArray
 from tests.data import ROOT
 from tests.python import run_python
@@ -119,10 +118,7 @@ def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(error: Exc
 def test_a_kernel_takes_what_it_is_declared_for() -> None:
     values, plane = np.ones((2, 2), np.float32), np.empty((4, 4), np.float32)
     values.flags.writeable = False
-    raised, all_panchromatic, fall = np.zeros((4, 4), np.float32), np.ones((1, 1), np.bool_), np.ones(2)
     interpolate(np.ones((2, 2), np.float32), (0.0, 0), 2, plane)  # a whole number for one that need not be
-    raise_clipped(np.broadcast_to(np.float32(2), (4, 4)).copy(), all_panchromatic, 1, 1, plane, fall, 1, raised)
-    assert (raised == 2).all()
     with pytest.raises(TypeError, match="No matching definition"):
         interpolate(values, (0.0, 0.0), 2, plane)  # nothing is written to it, but that was not declared
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline.stages.colour_network import REACH, STATE, describe, survey
+from offline.frame import Sites
+from offline.stages.colour_network import BASIS, Cells, Contrast
 from offline.stages.luminance_network import SIDE
 from shared import CfaPattern
 from shared.arrays import FloatArray
@@ -28,7 +29,7 @@ from tools.training import run  # noqa: E402
 from tools.training.examples import DRAWN  # noqa: E402
 from tools.training.graph import load_weights, save_graph  # noqa: E402
 from tools.training.luminance import examples, learn, save  # noqa: E402
-from tools.training.network import BASIS, BLOCKS, Network, cells_of, features, units  # noqa: E402
+from tools.training.network import Network, cells_of, features, units  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -186,7 +187,7 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     (found,) = load_network(path).run(None, {"features": inputs.numpy()})
     assert found.shape == expected.shape
     assert np.linalg.norm(found - expected) < 0.025 * np.linalg.norm(expected)
-    assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one", REACH: str(BLOCKS + 1)}
+    assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one"}
     kept = load_weights(path)
     assert kept.keys() == weights.keys()
     assert all(np.abs(kept[name] - weights[name]).max() < 1e-3 for name in weights if name != "enter.weight")
@@ -195,15 +196,12 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
 def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
     """Features and bounds of a picture in both forms."""
     light, colour, error, variance = seen()
-    planes, state = np.zeros((3 * 16, *variance.shape), np.float32), np.zeros((STATE, *variance.shape), np.float32)
-    places = np.arange(light.shape[0]), np.arange(light.shape[1])
-    survey(light, colour, places, np.arange(3), np.ones(3, np.float32), error, variance, planes, state)
-    found = np.zeros((1, 3 * 16 + 9, variance.shape[0] - 4, variance.shape[1] - 4), np.float32)
-    describe(planes, state, error, variance, (2, 2), found[0])
+    cells = Cells.of(Sites(CfaPattern.bayer(4), CfaPattern.bayer(4).grid(light.shape)))
+    contrast = Contrast.of(cells.cut((colour * light[..., None]).transpose(2, 0, 1)), error, variance)
     picture, _, *given = batch()
     expected, bound = features(*cells_of(picture, 4), *given)
-    assert np.abs(found - expected.numpy()).max() < 1e-4
-    assert np.abs(state[4, 2:-2, 2:-2] - bound[0, 0].numpy()).max() < 1e-5
+    assert np.abs(contrast.inputs() - expected[0].numpy()).max() < 1e-4
+    assert np.abs(contrast.bound - bound[0, 0].numpy()).max() < 1e-5
     assert 0 < (bound == 0).float().mean() < 1
 
 

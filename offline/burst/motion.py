@@ -26,7 +26,7 @@ class Motion:
 
     Raises InputError for figures that are not finite, and for another shape of `local`.
 
-    >>> from shared.motion import Motion
+    >>> from offline.burst import Motion
     >>> turn, start = Motion((2.0, -1.0)).affine((101, 101))
     >>> (turn @ (10, 20) + start).tolist()
     [12.0, 19.0]
