@@ -22,7 +22,7 @@ from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from .align import Alignment, View, align, in_frame, in_reference
-from .colour import ColourSamples, Spreading, relit_sites
+from .colour import ColourSamples, Spreading, alone_of, relit_sites
 from .merge import denoised, merged_luminance, unseen
 from .motion import Motion
 from .select import Comparison, Judged, compared, copies
@@ -41,9 +41,6 @@ __all__ = [
     "merge_burst",
     "render_burst_bands",
 ]
-
-# Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is.
-_SHARED = 0.3  # chosen: half of it costs 0.5 dB, twice gains 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +120,12 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArra
     fine, shares = merged_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, shares, cleaned.mosaic, settings)
-    samples = ColourSamples.of(kept, fine, shares, sites).relit(luminance - plain)
+    samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain).where_others(luminance, shares)
     sums = samples.block_sums(sites) if len(kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
     # Where the reference is not alone, others measure luminance under its sites.
-    alone = np.maximum(sites.of(shares).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    alone = alone_of(sites.of(shares).min(axis=2))
     if sites.pattern.is_scattered:
         alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
     others = Others(sums, alone.astype(np.float32))

@@ -30,21 +30,27 @@ from ..measured import Measured
 from ..numerics.arrays import Doubles1, Floats3, Frozen2, Ints1, Pair
 from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.functions import tile_at, zeros
+from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, Prior, link, solve, tiles_of
 from ..numerics.solvers import report
 from ..parts import DARK, Look, Part, RowStage
+from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY, in_reference
 from .select import Kept
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
 _INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both ways
-_ENOUGH = 2.0  # times what others take off the variance, squared: how far samples count where the reference is nearly alone
+_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
 _ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
 _SMOOTHNESS, _FADING = 0.15, 0.01  # half and twice: 0.8 and 0.1 dB
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
 # With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
 _LEAST_FADING = 1e-7
+SHARED = 0.3
+"""Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is.
+
+Chosen: half of it costs 0.5 dB, twice gains 0.02."""
 HALO = 24
 """Pixels around a tile that are solved with it. Chosen."""
 TOLERANCE = 1e-3
@@ -60,7 +66,7 @@ class ColourSamples:
     values: (M,), scene units of the reference.
     light: (M,), luminance there.
     variance: (M,), of their noise; 0 where there is none.
-    weight: (M,), agreement of their frames with the reference there, 0 to 1; less where the reference is alone.
+    weight: (M,), how far they count by the agreement of their frames and by what is known of luminance there, 0 to 1.
     own: how many of them, the first ones, are the reference's.
     """
 
@@ -73,11 +79,10 @@ class ColourSamples:
     own: int
 
     @classmethod
-    def of(cls, kept: Sequence[Kept], fine: FloatArray, shares: FloatArray, sites: Sites) -> "ColourSamples":
+    def of(cls, kept: Sequence[Kept], fine: FloatArray, sites: Sites) -> "ColourSamples":
         """The colour samples of all frames that lie in the reference.
 
-        kept: the reference first. fine, shares: see `merged_luminance`. sites: of the reference.
-        Where the reference is alone, its own samples do not count: the picture stays that of one frame.
+        kept: the reference first. fine: see `merged_luminance`. sites: of the reference.
         """
         spline, last = spline_filter(fine, mode="mirror", output=np.float32), np.array(sites.grid.frame)[:, None, None, None] - 1
         parts = list[tuple[FloatArray, ...]]()
@@ -90,8 +95,7 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            weight = agrees[used] / np.float32(255) * np.square(np.minimum(_ENOUGH * (1 - shares[*near[:, used]]), 1))
-            parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
+            parts.append((places.T, channels.astype(np.uint8), values, light, variance, agrees[used] / np.float32(255)))
         places, channels, values, light, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return cls(places, channels, values, light, variance, weight, len(parts[0][0]))
 
@@ -99,6 +103,20 @@ class ColourSamples:
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+
+    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
+        """The samples where the reference is not alone. Where it is, the picture stays that of one frame.
+
+        luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
+        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
+        """
+        mean, power = (smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance)))
+        deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
+        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (deviation, shares))
+        error = self.error + self.variance
+        weight = self.weight * error / (error + np.square(there))
+        weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
+        return replace(self, weight=weight.astype(np.float32))
 
     @property
     def level(self) -> float:
@@ -142,6 +160,11 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
         share = product / np.where(known, power, 1)
         signal[place] = np.where(known, share * luminance[place], signal[place])
     return frame.with_samples(signal)
+
+
+def alone_of(shares: FloatArray) -> FloatArray:
+    """How far the reference is alone, 0 to 1, by the variance of merged luminance relative to its own."""
+    return np.maximum(shares - SHARED, 0) / (1 - SHARED)
 
 
 @dataclass(eq=False)

@@ -1,5 +1,6 @@
 """The motion that is found is the true one, whatever moves besides; and what cannot be aligned is refused."""
 
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_frames_of_any_size(shape: tuple[int, int]) -> None:
 
 
 def test_large_frames_are_compared_at_half_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("offline.burst.align._LARGEST", 10_000)
+    monkeypatch.setattr(sys.modules["offline.burst.align"], "_LARGEST", 10_000)  # `align` is the function too
     shape = (211, 304)
     assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 3 * BETWEEN
 

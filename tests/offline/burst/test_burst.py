@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, SolverLog, render
-from offline.frame import BlockSums, Cleaned
 from offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
 from offline.burst.colour import TOLERANCE, relit_sites
 from offline.burst.merge import denoised
+from offline.frame import BlockSums, Cleaned
 from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray

@@ -1,104 +1,138 @@
-"""What the colour samples of a burst say about every pixel, against a direct solution."""
+"""What the colour samples of a burst say about every pixel."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from offline.burst.spreading import HALO, spread_samples
-from offline.burst.spreading import TOLERANCE as LIMIT
+from offline import Measured, Part, SolverLog
+from offline.burst.colour import HALO, TOLERANCE, ColourSamples, Solution, Spreading, basis_of, normal_equations, solve_tiles
 from offline.numerics.linked import TILE, tiles_of
-from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
-from tests.reference import burst as reference
+from offline.parts import applied
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import FloatArray
 
-TOLERANCE = 1e-2  # of the largest correction: conjugate gradients stop before
-PRIOR = 0.15, 0.01, 0.03
+LETTERS = "RGBCMY"
 MOST = 100  # iterations that uncertain samples take, which spread far
 
 
-def basis(channels: int) -> DoubleArray:
-    return np.linalg.qr(np.column_stack([np.ones(channels), np.eye(channels)[:, 1:]]))[0][:, 1:]
-
-
-def picture(shape: tuple[int, int], channels: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
-    """Luminance with an edge, chromaticities, and gamma."""
+def edge(shape: tuple[int, int]) -> FloatArray:
+    """Luminance with a soft wave and an edge in the middle."""
     y, x = np.indices(shape)
-    luminance = 1 + 0.01 * np.sin(y / 3) + (x > shape[1] // 2)
-    gamma = np.linspace(0.8, 1.3, channels)
-    return luminance, np.ones((*shape, channels)) / gamma.sum(), gamma
+    return (1 + 0.01 * np.sin(y / 3) + (x > shape[1] // 2)).astype(np.float32)
 
 
-def samples(shape: tuple[int, int], channels: int, count: int) -> tuple[DoubleArray, IndexArray]:
+def gamma_of(channels: int) -> FloatArray:
+    return np.linspace(0.8, 1.3, channels, dtype=np.float32)
+
+
+def tinted(shape: tuple[int, int], left: float, right: float, channels: int = 3) -> FloatArray:
+    """A picture's chromaticity: tints on both sides of the edge, 0 = grey."""
+    gamma, ramp = gamma_of(channels), np.linspace(-1, 1, channels, dtype=np.float32)
+    tint = np.where(np.arange(shape[1]) > shape[1] // 2, right, left)[:, None] * ramp
+    return np.broadcast_to((1 / channels + tint) / gamma, (*shape, channels)).astype(np.float32)
+
+
+def samples_of(truth: FloatArray, luminance: FloatArray, count: int, variance: float = 0.0) -> ColourSamples:
+    """Samples of a picture at pixels of it."""
     random = np.random.default_rng(0)
-    places = random.uniform(0, 1, (count, 2)) * (np.array(shape) - 1)
-    figures = np.column_stack(
-        [places, random.uniform(0.1, 0.8, count), random.uniform(0.9, 2.1, count), random.uniform(0.1, 1, count)]
+    height, width, channels = truth.shape
+    y, x, of = random.integers(height, size=count), random.integers(width, size=count), random.integers(channels, size=count)
+    light = luminance[y, x]
+    values = truth[y, x, of] * light + random.normal(0, variance**0.5, count).astype(np.float32)
+    places = np.stack([y, x], axis=1).astype(np.float32)
+    return ColourSamples(
+        places, of.astype(np.uint8), values, light, np.full(count, variance, np.float32), np.ones(count, np.float32), own=0
     )
-    return figures, random.integers(0, channels, count)
-
-
-def by_tile(figures: DoubleArray, channels: IndexArray, shape: tuple[int, int]) -> tuple[FloatArray, ByteArray, IndexArray]:
-    across = -(-shape[1] // TILE)
-    tile = (figures[:, :2] // TILE).astype(int) @ (across, 1)
-    order = np.argsort(tile, kind="stable")
-    starts = np.searchsorted(tile[order], np.arange(-(-shape[0] // TILE) * across + 1))
-    return figures[order].astype(np.float32), channels[order].astype(np.uint8), starts
 
 
 def spread(
-    shape: tuple[int, int], channels: int, count: int, cut: int = 0, precision: float = 1.0
-) -> tuple[FloatArray, DoubleArray]:
-    """The corrected chromaticity, computed in one part or in two that meet at row `cut`; and the one before."""
-    prior = PRIOR[0], PRIOR[1] * precision, PRIOR[2]
-    luminance, chromaticity, gamma = picture(shape, channels)
-    figures, of = samples(shape, channels, count)
-    sorted_samples = by_tile(figures * [1, 1, 1, 1, precision], of, shape)
-    planes = luminance.astype(np.float32), chromaticity.astype(np.float32)
-    found = np.full(chromaticity.shape, np.nan, np.float32)
-    for rows in ((0, cut), (cut, shape[0])) if cut else ((0, shape[0]),):
-        first, last = max(rows[0] - HALO, 0), min(rows[1] + HALO, shape[0])
-        light, colour = (np.ascontiguousarray(plane[first:last]) for plane in planes)
-        out = np.empty((rows[1] - rows[0], shape[1], channels), np.float32)
-        weights = gamma.astype(np.float32), np.ascontiguousarray(basis(channels), np.float32)
-        residuals, used = np.full(tiles_of(rows, shape[1]), np.nan), np.zeros(tiles_of(rows, shape[1]), np.intp)
-        spread_samples(light, colour, first, rows, shape[0], sorted_samples, *weights, prior, out, residuals, used)
-        assert (residuals <= LIMIT).all()
-        assert (used <= MOST).all()
-        found[slice(*rows)] = out
-    return found, chromaticity
+    samples: ColourSamples, luminance: FloatArray, before: FloatArray, rows: int = 10**6, log: SolverLog | None = None
+) -> FloatArray:
+    """The corrected chromaticity. rows: of each part that it is computed in."""
+    channels = before.shape[2]
+    calibration = SensorCalibration(LETTERS[:channels], gamma=tuple(gamma_of(channels).tolist()))
+    measured = Measured(
+        CfaPattern.with_block((LETTERS[:channels],), 8), calibration, luminance, np.empty((0, 0, channels), np.float32)
+    )
+    stage = Spreading(samples, measured, *([log] if log else []))
+    height = len(luminance)
+    parts = (Part(0, luminance, before).rows(top, min(top + rows, height)) for top in range(0, height, rows))
+    result = np.concatenate([part.chromaticity for part in applied(parts, stage, height)])
+    assert np.abs((result * measured.gamma).sum(axis=2) - 1).max() < 1e-5  # luminance stays
+    return result
 
 
-@pytest.mark.parametrize(
-    ("channels", "shape", "count"),
-    [(2, (18, 22), 150), (3, (18, 22), 150), (5, (18, 22), 150), (2, (TILE + 8, 9), 250), (2, (9, TILE + 8), 250)],
-)
-def test_equals_a_direct_solution(channels: int, shape: tuple[int, int], count: int) -> None:
-    found, before = spread(shape, channels, count)
-    luminance, _, gamma = picture(shape, channels)
-    expected = reference.spread(luminance, before, samples(shape, channels, count), gamma, basis(channels), PRIOR)
-    assert np.abs(found - expected).max() < TOLERANCE * np.abs(expected - before).max()
-    assert np.allclose((found * gamma).sum(axis=2), 1, atol=1e-5)  # luminance stays
+@pytest.mark.parametrize("channels", [2, 3, 5])
+@pytest.mark.parametrize("shape", [(24, 30), (TILE + 8, 20), (20, TILE + 8)])
+def test_the_sum_of_squares_has_no_slope_where_it_is_solved(channels: int, shape: tuple[int, int]) -> None:
+    """The gradient of what `offline.numerics.linked` minimises is 0, to the tolerance."""
+    luminance, before, gamma, basis = edge(shape), tinted(shape, 0, 0, channels), gamma_of(channels), basis_of(channels)
+    samples, count = samples_of(tinted(shape, 0.1, -0.05, channels), luminance, shape[0] * shape[1] // 3), channels - 1
+    near = np.arange(len(samples.values))
+    prior = (0.15, 0.01, 0.03)
+    normal, right = normal_equations(Part(0, luminance, before), samples, near, np.ones(len(near), np.float32), gamma, basis)
+    tiles = tiles_of((0, shape[0]), shape[1])
+    solution = Solution(np.empty((*shape, count), np.float32), np.empty(tiles), np.empty(tiles, np.intp))
+    solve_tiles(luminance, normal, right, prior, (0, shape[0]), solution)
+    x, l = np.moveaxis(solution.planes.astype(np.float64), 2, 0), luminance.astype(np.float64)  # noqa: E741 - as in the formula
+    slope = prior[1] * x - right
+    for sums, one, other in zip(normal, *np.triu_indices(count), strict=True):
+        slope[one] += sums * x[other]
+        slope[other] += (one != other) * sums * x[one]
+    for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = np.s_[..., : shape[0] - down, max(-across, 0) : shape[1] - max(across, 0)]
+        there = np.s_[..., down:, max(across, 0) : shape[1] - max(-across, 0)]
+        share = prior[0] * (0.5 if down and across else 1) / (1 + ((l[here] - l[there]) / prior[2]) ** 2)
+        difference = share * (x[here] - x[there])
+        slope[here] += difference
+        slope[there] -= difference
+    inside = np.s_[:, : TILE - HALO, : TILE - HALO]  # tiles meet beyond
+    assert np.abs(slope[inside]).max() < 10 * TOLERANCE * np.abs(right).max()
+    assert (solution.residuals <= TOLERANCE).all()
+
+
+@pytest.mark.parametrize("channels", [2, 3, 5])
+def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int) -> None:
+    shape = (40, 60)
+    truth, luminance, before = tinted(shape, 0.06, -0.04, channels), edge(shape), tinted(shape, 0, 0, channels)
+    result = spread(samples_of(truth, luminance, 800), luminance, before)
+    assert np.abs(result - truth).max() < 0.2 * np.abs(before - truth).max()
+    assert np.abs(result - truth)[:, :20].max() < 0.1 * np.abs(before - truth).max()
+
+
+def test_without_samples_near_a_pixel_its_correction_fades() -> None:
+    shape = (100, 60)
+    luminance, before, truth = np.ones(shape, np.float32), tinted(shape, 0, 0), tinted(shape, 0.05, 0.05)
+    samples = samples_of(truth, luminance, 4000)
+    upper = samples.places[:, 0] < 20
+    arrays = {name: getattr(samples, name)[upper] for name in ("places", "channels", "values", "light", "variance", "weight")}
+    change = np.abs(spread(replace(samples, **arrays), luminance, before) - before).max(axis=(1, 2))
+    assert change[10] > 20 * change[60]
+    assert change[90] < change[60]
+
+
+@pytest.mark.parametrize("count", [0, 500])
+def test_a_picture_that_its_samples_confirm_stays(count: int) -> None:
+    shape = (30, 40)
+    before, luminance = tinted(shape, 0.05, -0.05), edge(shape)
+    assert np.abs(spread(samples_of(before, luminance, count), luminance, before) - before).max() < 1e-6
 
 
 def test_parts_leave_no_trace() -> None:
-    whole, parts = (spread((TILE + 40, TILE + 30), 3, 4000, cut)[0] for cut in (0, TILE))
-    assert np.array_equal(whole, parts)
+    shape = (2 * TILE + 40, TILE + 30)
+    luminance, before = edge(shape), tinted(shape, 0, 0)
+    samples = samples_of(tinted(shape, 0.06, -0.04), luminance, 6000)
+    whole = spread(samples, luminance, before)
+    for rows in (1, 50, TILE):
+        assert np.array_equal(spread(samples, luminance, before, rows), whole)
 
 
-def test_nothing_changes_without_samples() -> None:
-    found, before = spread((20, 30), 3, 0)
-    assert np.array_equal(found, before.astype(np.float32))
-
-
-@pytest.mark.parametrize("precision", [1e-2, 1e-4])
-def test_samples_in_noise_are_solved_too(precision: float) -> None:
-    """What they say spreads far: without a coarse level the solver stopped on its way there."""
-    shape, channels, count, prior = (40, 44), 3, 300, (PRIOR[0], PRIOR[1] * precision, PRIOR[2])
-    found, before = spread(shape, channels, count, precision=precision)
-    luminance, _, gamma = picture(shape, channels)
-    figures, of = samples(shape, channels, count)
-    uncertain = figures * [1, 1, 1, 1, precision]
-    expected = reference.spread(luminance, before, (uncertain, of), gamma, basis(channels), prior)
-    assert np.abs(found - expected).max() < TOLERANCE * np.abs(expected - before).max()
-
-
-def test_a_large_picture_in_noise_takes_no_more_iterations() -> None:
-    spread((2 * TILE, 2 * TILE), 3, 4000, precision=1e-4)
+@pytest.mark.parametrize("sigma", [0.03, 0.3])
+@pytest.mark.parametrize("shape", [(40, 44), (2 * TILE, 2 * TILE)])
+def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> None:
+    """Without a coarse level the solver stopped on its way, or took the more iterations the larger the picture."""
+    luminance, before, truth, log = edge(shape), tinted(shape, 0, 0), tinted(shape, 0.06, -0.04), SolverLog()
+    result = spread(samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2), luminance, before, log=log)
+    assert np.abs(result.mean(axis=0) - truth[0]).mean() < 0.5 * np.abs(before - truth).mean()
+    assert log.solvers["samples"].iterations <= MOST

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from offline.burst import Motion
-from offline.burst.frames import as_arrays, displaced
-from offline.burst.merging import merge
+from offline.burst import Motion, in_reference
+from offline.burst.align import Motions
+from offline.burst.merge import Frames, merge, samples_in
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.reference.compare import assert_close
-from tests.reference.geometry import keys
 
 FLOAT32 = 2e-5
 SLOPE = 1e-3  # local shifts are inverted in a few rounds, and interpolated
@@ -23,57 +22,59 @@ def light(y: DoubleArray, x: DoubleArray) -> DoubleArray:
     return 1 + 0.4 * np.sin(y / 2.5) * np.cos(x / 3) + 0.2 * np.sin((x + y) / 1.2)
 
 
+def slope(y: DoubleArray, x: DoubleArray) -> DoubleArray:
+    return 1 + 0.02 * y - 0.01 * x
+
+
+def places(motion: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
+    """Where the pixels of a frame lie in the reference."""
+    return in_reference(motion, *np.indices(shape), shape).astype(np.float64)
+
+
 def burst(sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS) -> FloatArray:
     random = np.random.default_rng(0)
-    y, x = (each.astype(np.float32) for each in np.indices(shape))
-    planes = [light(*(part.astype(np.float64) for part in motion.back(y, x, shape))) for motion in motions]
-    return np.array([plane + random.normal(0, sigma, shape) for plane in planes]).astype(np.float32)
+    planes = [light(*places(motion, shape)) + random.normal(0, sigma, shape) for motion in motions]
+    return np.array(planes, np.float32)
 
 
-def merged(
-    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, motions: list[Motion] = MOTIONS
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Luminance, variance, and light and weight at the colour sites."""
+def arguments(
+    planes: FloatArray, agreement: ByteArray | None = None, noise: DoubleArray | None = None, motions: list[Motion] = MOTIONS
+) -> Frames:
     shape = planes.shape[1], planes.shape[2]
-    grid = PATTERN.grid(shape)
-    sites = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in PATTERN.sites])
-    out, variance = np.full((2, *shape), np.nan, np.float32)
-    found = np.zeros((2, len(planes), len(grid.whole_rows), len(grid.whole_columns), len(sites)), np.float32)
-    where = as_arrays(motions, shape)
-    merge(planes, agreement, noise, PATTERN.panchromatic_mask(shape), where, sites, 6, out, variance, found[0], found[1])
-    return out, variance, found[0], found[1]
+    every, none = np.full(planes.shape, 255, np.uint8), np.zeros((len(planes), 2))
+    mask = PATTERN.panchromatic_mask(shape)
+    return Frames(
+        planes,
+        every if agreement is None else agreement,
+        none if noise is None else noise,
+        mask,
+        Motions.of(motions, shape),
+    )
+
+
+def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
+    """Luminance at every half pixel, and shares."""
+    _, height, width = frames.planes.shape
+    fine, shares = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32), np.full((height, width), np.nan, np.float32)
+    merge(frames, fine, shares)
+    return fine, shares
 
 
 @pytest.mark.parametrize("noise", [[[0, 0]] * 3, [[1e-3, 4e-4], [2e-3, 1e-4], [0, 9e-4]]])
 def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -> None:
-    """And it is what each colour sample sees, where its frame agrees."""
-
-    def slope(y: DoubleArray, x: DoubleArray) -> DoubleArray:
-        return 1 + 0.02 * y - 0.01 * x
-
-    rows, columns = np.indices(SHAPE).astype(np.float32)
-    places = [[place.astype(np.float64) for place in motion.back(rows, columns, SHAPE)] for motion in MOTIONS]
-    planes = np.array([slope(*place) for place in places]).astype(np.float32)
+    planes = np.array([slope(*places(motion)) for motion in MOTIONS], np.float32)
     agreement = np.random.default_rng(1).choice(np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7])
     agreement[0] = 255
-    out, variance, light_at, weight = merged(planes, agreement, np.array(noise, np.float64))
-    inside = np.s_[6:-6, 6:-6]
-    assert_close(out[inside], slope(*np.indices(SHAPE).astype(np.float64))[inside], SLOPE)
-    assert ((variance > 0) & (variance <= 1)).all()
-    grid = PATTERN.grid(SHAPE)
-    for frame, site in np.ndindex(len(MOTIONS), len(PATTERN.sites)):
-        row, column, _ = PATTERN.sites[site]
-        y, x = (float(place[grid.whole_rows[1] + row, grid.whole_columns[2] + column]) for place in places[frame])
-        agrees = agreement[frame, round(y), round(x)] / np.float32(255)
-        assert weight[frame, 1, 2, site] == agrees
-        if agrees:
-            assert light_at[frame, 1, 2, site] == pytest.approx(float(slope(np.array(y), np.array(x))), abs=SLOPE)
+    fine, shares = merged(arguments(planes, agreement, np.array(noise, np.float64)))
+    inside = np.s_[12:-12, 12:-12]
+    assert_close(fine[inside], slope(*np.indices(fine.shape) / 2)[inside], SLOPE)
+    assert ((shares > 0) & (shares <= 1)).all()
 
 
 def test_the_noise_of_frames_that_agree_is_averaged() -> None:
     planes = np.ones((4, *SHAPE), np.float32)
-    _, variance, *_ = merged(planes, np.full(planes.shape, 255, np.uint8), np.full((4, 2), 1e-3), [Motion()] * 4)
-    assert_close(variance, np.full(SHAPE, 0.25), FLOAT32)
+    _, shares = merged(arguments(planes, noise=np.full((4, 2), 1e-3), motions=[Motion()] * 4))
+    assert_close(shares, np.full(SHAPE, 0.25), FLOAT32)
 
 
 def test_shows_more_than_one_frame_can() -> None:
@@ -83,35 +84,47 @@ def test_shows_more_than_one_frame_can() -> None:
     planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
-    y, x = np.indices(shape).astype(np.float64)
-    out, variance, *_ = merged(planes, agreement, np.zeros((8, 2)), motions)
-    inside = np.s_[4:-4, 4:-4]
-    assert np.abs(out - light(y, x))[inside].max() < 0.02
-    assert variance[inside].max() < 0.5
-    alone, variance, *_ = merged(planes, agreement * (np.arange(8) == 0).astype(np.uint8)[:, None, None], np.zeros((8, 2)), motions)
-    assert np.array_equal(alone[~holes], planes[0][~holes])
-    assert variance.min() > 0.999
+    fine, shares = merged(arguments(planes, agreement, motions=motions))
+    assert np.abs(fine[::2, ::2] - light(*np.indices(shape).astype(np.float64)))[4:-4, 4:-4].max() < 0.02
+    assert shares[4:-4, 4:-4].max() < 0.5
+    agreement[1:] = 0
+    fine, shares = merged(arguments(planes, agreement, motions=motions))
+    assert np.array_equal(fine[::2, ::2][~holes], planes[0][~holes])
+    assert shares.min() > 0.999
 
 
-def test_no_sample_is_lost_where_other_frames_see_a_part_of_the_scene_larger() -> None:
-    """All of them fit wherever a frame is in the list: otherwise those of the last one are missing."""
+@pytest.mark.parametrize("shrink", [0.2, -0.2])
+def test_no_sample_is_lost_where_a_frame_sees_a_part_of_the_scene_larger_or_smaller(shrink: float) -> None:
+    """Each panchromatic sample that lies in the area is there once, whatever local shifts do to the distances between them."""
+    shape, frames = (60, 84), 3
+    nodes = np.zeros((2, 2, 2), np.float32)
+    nodes[1, :, 0], nodes[:, 1, 1] = shrink * shape[0], shrink * shape[1]
+    motions = [Motion(), Motion(local=nodes), Motion((1.3, -0.6), local=nodes - nodes.mean(axis=(0, 1)))]
+    planes = np.random.default_rng(0).random((frames, *shape), np.float32)
+    area, whole = (12, 40, 20, 70), np.tile([0, shape[0], 0, shape[1]], (frames, 1))
+    samples = samples_in(arguments(planes, motions=motions), area, whole)
+    expected = list[float]()
+    for plane, motion in zip(planes, motions, strict=True):
+        y, x = places(motion, shape)
+        inside = (y >= area[0]) & (y <= area[1] - 1) & (x >= area[2]) & (x <= area[3] - 1)
+        expected += plane[inside & PATTERN.panchromatic_mask(shape)].tolist()
+    assert sorted(samples[:, 2].tolist()) == sorted(expected)
+    assert len(expected) > 2.5 * PATTERN.panchromatic_mask(shape)[12:40, 20:70].sum() * (1 + min(shrink, 0)) ** 2
+
+
+@pytest.mark.parametrize("shrink", [0.2, -0.2])
+def test_the_order_of_frames_leaves_no_trace(shrink: float) -> None:
+    """The tiles of the merge look for samples where they may be: were one left out, it would be that of a later frame."""
     shape = 150, 230
-    nodes = np.array([[(0, 0), (0, 0.3 * shape[1])], [(0.3 * shape[0], 0), (0.3 * shape[0], 0.3 * shape[1])]], np.float32)
-    motions = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)]
-    planes, every, order = burst(0.1, shape, motions), np.full((3, *shape), 255, np.uint8), [0, 2, 1]
-    noise = np.array([[0, 0.01]] * 3)
-    in_order, _, _, _ = merged(planes, every, noise, motions)
-    other, _, _, _ = merged(np.ascontiguousarray(planes[order]), every, noise, [motions[number] for number in order])
-    assert_close(other, in_order, FLOAT32)
-
-
-def test_displaces_a_frame() -> None:
-    planes = burst(0.0)
-    shown = displaced(planes[2], MOTIONS[2])
-    down, across = MOTIONS[2].places(slice(None), SHAPE)
-    outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
-    assert np.array_equal(np.isnan(shown), outside)
-    assert shown[13, 17] == pytest.approx(keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5)
+    nodes = np.zeros((2, 2, 2), np.float32)
+    nodes[1, :, 0], nodes[:, 1, 1] = shrink * shape[0], shrink * shape[1]
+    motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
+    planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
+    results = [
+        merged(arguments(np.ascontiguousarray(planes[these]), noise=noise, motions=[motions[number] for number in these]))
+        for these in ([0, 1, 2], order)
+    ]
+    assert_close(results[1][0], results[0][0], FLOAT32)
 
 
 @pytest.mark.parametrize(
@@ -120,6 +133,6 @@ def test_displaces_a_frame() -> None:
 @pytest.mark.parametrize("light", [0.0, -1.5, 1.0])
 def test_no_noise_model_takes_all_the_weight(noise: list[list[float]], light: float) -> None:
     planes = burst(0.03) * np.float32(0.1) + np.float32(light)
-    out, variance, *_ = merged(planes, np.full(planes.shape, 255, np.uint8), np.array(noise, np.float64))
-    assert np.isfinite(out).all()
-    assert (variance > 0).all()
+    fine, shares = merged(arguments(planes, noise=np.array(noise, np.float64)))
+    assert np.isfinite(fine).all()
+    assert (shares > 0).all()

@@ -1,58 +1,60 @@
-"""Where a motion puts pixels, and back."""
+"""Where a motion puts points, and back."""
 
 import numpy as np
 import pytest
 
-from offline.burst import Motion
+from offline.burst import Motion, in_frame, in_reference
+from offline.burst.align import displaced
 from shared.errors import InputError
+from tests.reference.geometry import keys
 
 SHAPE = (41, 60)
 EXACT = 2e-5  # pixels: rounding of places in a frame of this size to float32
 LOCAL = np.random.default_rng(0).uniform(-0.4, 0.4, (4, 5, 2)).astype(np.float32)
+TURNED = Motion((1.5, 0.25), -0.01, LOCAL)
 
 
-def test_a_shift_moves_all_pixels_alike() -> None:
-    down, across = Motion((2.0, -3.5)).places(slice(5, 9), SHAPE)
-    assert down.tolist() == [[row + 2.0] * 60 for row in range(5, 9)]
-    assert across.tolist() == [[column - 3.5 for column in range(60)]] * 4
+def test_a_shift_moves_all_points_alike() -> None:
+    y, x = np.indices(SHAPE)
+    assert np.array_equal(in_frame(Motion((2.0, -3.5)), y, x, SHAPE), [y + 2.0, x - 3.5])
 
 
 def test_a_positive_angle_turns_what_is_below_the_centre_to_the_right() -> None:
-    down, across = Motion(angle=np.pi / 2).places(slice(30, 31), (41, 61))
-    np.testing.assert_allclose((down[0, 30], across[0, 30]), (20, 40), atol=EXACT)  # the centre is (20, 30)
+    np.testing.assert_allclose(in_frame(Motion(angle=np.pi / 2), 30, 30, (41, 61)), (20, 40), atol=EXACT)  # the centre: (20, 30)
 
 
 def test_local_shifts_are_bilinear_between_nodes_and_end_on_the_outermost_pixels() -> None:
     local = np.zeros((2, 3, 2), np.float32)
     local[0, 0], local[1, 2] = (1, 2), (4, 0)
-    down, across = Motion(local=local).places(slice(None), (11, 21))
     y, x = np.indices((11, 21))
-    np.testing.assert_allclose(
-        down - y, (1 - y / 10) * np.maximum(1 - x / 10, 0) + 4 * y / 10 * np.maximum(x / 10 - 1, 0), atol=EXACT
-    )
-    np.testing.assert_allclose(across - x, 2 * (1 - y / 10) * np.maximum(1 - x / 10, 0), atol=EXACT)
+    first, last = (1 - y / 10) * np.maximum(1 - x / 10, 0), y / 10 * np.maximum(x / 10 - 1, 0)
+    down, across = in_frame(Motion(local=local), y, x, (11, 21))
+    np.testing.assert_allclose(down - y, first + 4 * last, atol=EXACT)
+    np.testing.assert_allclose(across - x, 2 * first, atol=EXACT)
+    np.testing.assert_allclose(in_frame(Motion(local=local), -5, -7, (11, 21)), (-4, -5), atol=EXACT)
 
 
-@pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), Motion((-0.4, 1.2), 0.03), Motion((1.5, 0.25), -0.01, LOCAL)])
-def test_back_is_the_way_back(motion: Motion) -> None:
-    places = motion.places(slice(None), SHAPE)
-    for found, true in zip(motion.back(*places, SHAPE), np.indices(SHAPE), strict=True):
-        np.testing.assert_allclose(found, true, atol=EXACT)
+@pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), Motion((-0.4, 1.2), 0.03), TURNED])
+def test_one_place_is_the_inverse_of_the_other(motion: Motion) -> None:
+    points = np.indices(SHAPE)
+    np.testing.assert_allclose(in_reference(motion, *in_frame(motion, *points, SHAPE), SHAPE), points, atol=EXACT)
 
 
 def test_a_frame_of_larger_pixels_moves_by_fewer() -> None:
-    motion, half = Motion((1.5, 0.25), -0.01, LOCAL), Motion((0.75, 0.125), -0.01, LOCAL * np.float32(0.5))
-    for found, expected in zip(motion.times(0.5).places(slice(None), SHAPE), half.places(slice(None), SHAPE), strict=True):
-        assert np.array_equal(found, expected)
+    half = Motion((0.75, 0.125), -0.01, LOCAL * np.float32(0.5))
+    assert np.array_equal(in_frame(TURNED.times(0.5), *np.indices(SHAPE), SHAPE), in_frame(half, *np.indices(SHAPE), SHAPE))
     assert Motion().none
-    assert not any(each.none for each in (motion, Motion((0.0, 1.0)), Motion(angle=0.1), Motion(local=LOCAL)))
+    assert not any(motion.none for motion in (TURNED, Motion((0.0, 1.0)), Motion(angle=0.1), Motion(local=LOCAL)))
 
 
-def test_rows_are_parts_of_the_whole() -> None:
-    motion = Motion((1.5, 0.25), -0.01, LOCAL)
-    whole = motion.places(slice(None), SHAPE)
-    part = motion.places(slice(7, 20), SHAPE)
-    assert all(np.array_equal(each[7:20], rows) for each, rows in zip(whole, part, strict=True))
+@pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), TURNED])
+def test_a_plane_is_displaced_by_cubic_interpolation(motion: Motion) -> None:
+    plane = np.random.default_rng(1).random(SHAPE, np.float32)
+    result, (down, across) = displaced(plane, motion), in_frame(motion, *np.indices(SHAPE), SHAPE)
+    outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
+    assert np.array_equal(np.isnan(result), outside)
+    expected = keys(plane.astype(np.float64), float(down[13, 17]), float(across[13, 17]))
+    assert result[13, 17] == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_motion_that_is_none_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Which frames of a burst are copies, and that they count once."""
+"""Copies among the frames of a burst, their noise, and the choice of the reference."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,8 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from offline import BEST, PAPER
 from offline.burst import copies, merge_burst
-from shared import CfaPattern, Mosaic, SensorCalibration
+from offline.burst.agree import Frame
+from offline.burst.select import candidates_of, noise_models
+from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (150, 132), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
 
@@ -69,3 +72,78 @@ def test_what_cannot_be_compared_is_no_copy() -> None:
     other = replace(one, pattern=CfaPattern.bayer(6, "GRBG"))
     assert copies([one, other, replace(one, samples=one.codes[:60])]) == {}
     assert copies([]) == {}
+
+
+WIDE = (300, 420)
+
+
+def model(shot: float, read: float) -> NoiseModel:
+    return NoiseModel((shot,) * 4, (read,) * 4)
+
+
+def frame(seed: int, sigma: float, noise: NoiseModel | None = None, iso: int | None = None) -> Mosaic:
+    """A gradient from black to white, and noise."""
+    light = np.broadcast_to(np.linspace(0, 2.5, WIDE[1]), WIDE) + np.random.default_rng(seed).normal(0, sigma, WIDE)
+    calibration = replace(CAMERA, noise=noise)
+    return Mosaic(Mosaic(light.astype(np.float32), PATTERN, CAMERA).codes, PATTERN, calibration, CaptureMetadata(iso=iso))
+
+
+def sigmas(*frames: Mosaic, light: float = 1.0) -> list[float]:
+    return [noise.sigma(light) if noise else np.nan for noise in noise_models(frames, BEST.noise)]
+
+
+def test_frames_without_a_calibration_share_one_estimate() -> None:
+    frames = [frame(seed, 0.02) for seed in range(3)]
+    found = noise_models(frames, BEST.noise)
+    assert found[0] == found[1] == found[2]
+    assert sigmas(*frames) == pytest.approx([0.02] * 3, rel=0.1)
+
+
+def test_one_frame_that_seems_free_of_noise_misleads_none() -> None:
+    assert sigmas(frame(1, 0.02), frame(2, 0.0), frame(3, 0.02)) == pytest.approx([0.02] * 3, rel=0.1)
+
+
+def test_frames_of_other_sensitivities_have_their_own_noise() -> None:
+    frames = [frame(1, 0.02, iso=400), frame(2, 0.05, iso=3200), frame(3, 0.02, iso=400)]
+    assert sigmas(*frames) == pytest.approx([0.02, 0.05, 0.02], rel=0.1)
+
+
+def test_a_frame_without_a_calibration_has_the_noise_of_the_others() -> None:
+    known = model(1e-4, 0.03)
+    assert noise_models([frame(1, 0.02), frame(2, 0.02, known)], PAPER.noise) == [known, known]
+
+
+def test_a_frame_that_is_said_to_be_free_of_noise_does_not_speak_for_those_that_say_nothing() -> None:
+    assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02), frame(3, 0.02)) == pytest.approx([0.02] * 3, rel=0.1)
+    assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02, model(0, 0))) == [0, 0]
+
+
+@pytest.mark.parametrize("odd", [model(0, 0), model(1e-4, 0), model(0, 1e-9)])
+def test_a_variance_is_never_0_beside_others(odd: NoiseModel) -> None:
+    frames = [frame(1, 0.02, model(2e-4, 0.02)), frame(2, 0.02, odd), frame(3, 0.02, model(2e-4, 0.02))]
+    for light in (-0.1, 0.0, 0.5):
+        noisy, quiet, _ = sigmas(*frames, light=light)
+        assert noisy == pytest.approx(model(2e-4, 0.02).sigma(light))
+        assert quiet >= noisy / 4 * 0.999
+
+
+def test_rounding_is_noise_where_there_is_any() -> None:
+    (found,) = noise_models([frame(1, 0.0, model(1e-4, 0.0))], BEST.noise)
+    assert found.read == pytest.approx(tuple(CAMERA.scale() / 12**0.5))
+    none = model(0, 0)
+    assert noise_models([frame(1, 0.0, none)] * 2, BEST.noise) == [none, none]
+    assert noise_models([frame(1, 0.0)] * 2, PAPER.noise) == [None, None]
+
+
+def candidate(detail: float, level: float = 1.0) -> Frame:
+    """A frame of a random texture."""
+    texture = np.random.default_rng(0).normal(0, 0.1, (64, 96))
+    light = (level * (1 + detail * texture)).astype(np.float32)
+    return Frame(light, None, 2.0, colours=np.empty((0, 0, 3), np.float32))
+
+
+def test_the_first_of_frames_that_are_nearly_as_sharp_is_the_reference() -> None:
+    assert candidates_of([candidate(detail) for detail in (0.98, 1.0, 0.99)])[0] == 0
+    assert candidates_of([candidate(detail) for detail in (0.9, 0.98, 1.0, 0.99)]) == [1, 2, 3, 0]
+    assert candidates_of([candidate(0.98), candidate(1.0, level=2.5)]) == [0, 1]  # clipped
+    assert candidates_of([candidate(0.1), candidate(1.0), candidate(1.0)]) == [1, 2, 0]
