@@ -66,8 +66,9 @@ def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArra
 
 def alignment_error(motions: Sequence[Motion | None], true: Sequence[Motion], shape: tuple[int, int]) -> float:
     """Median distance of the places where motions see the pixels of the reference from the true places, pixels."""
+    y, x = np.indices(shape)
     distances = [
-        np.hypot(*np.subtract(in_frame(motion, *np.indices(shape), shape), in_frame(truth, *np.indices(shape), shape)))
+        np.hypot(*(in_frame(motion, y, x, shape) - in_frame(truth, y, x, shape)))
         for motion, truth in zip(motions, true, strict=True)
         if motion is not None
     ]

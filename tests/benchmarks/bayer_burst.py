@@ -66,8 +66,8 @@ def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motio
     shape = mosaics[0].shape
     seen = [_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)]
     merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
-    pixels = np.indices(shape, np.float32)
-    places = [in_reference(motion, *pixels, shape) for motion in motions]
+    y, x = np.indices(shape, np.float32)
+    places = [in_reference(motion, y, x, shape) for motion in motions]
     colour = channel_map(shape)
     for channel in range(3):
         at = np.concatenate([place[:, colour == channel] for place in places], axis=1)
@@ -84,7 +84,8 @@ def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
     """A frame's picture as the reference would see it."""
     from scipy.ndimage import map_coordinates
 
-    at = in_frame(motion, *np.indices(picture.shape[:2]), picture.shape[:2])
+    y, x = np.indices(picture.shape[:2])
+    at = in_frame(motion, y, x, picture.shape[:2])
     return np.stack([map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)], axis=-1)
 
 

@@ -26,12 +26,11 @@ def pixels(shape: tuple[int, int] = SHAPE) -> tuple[DoubleArray, DoubleArray]:
 
 def seen(motion: Motion, shape: tuple[int, int] = SHAPE, seed: int = 0) -> FloatArray:
     """What a frame sees of the scene after a motion."""
-    y, x = (plane.astype(np.float32) for plane in pixels(shape))
-    back = in_reference(motion, y, x, shape)
-    return light(back[0].astype(np.float64), back[1].astype(np.float64), seed).astype(np.float32)
+    y, x = in_reference(motion, *pixels(shape), shape).astype(np.float64)
+    return light(y, x, seed).astype(np.float32)
 
 
 def error(found: Motion, true: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
     """Distance, pixels, between the places that two motions give, (H, W)."""
-    first, second = (in_frame(motion, *np.indices(shape), shape) for motion in (found, true))
+    first, second = (in_frame(motion, *pixels(shape), shape) for motion in (found, true))
     return np.hypot(first[0] - second[0], first[1] - second[1]).astype(np.float64)

@@ -96,9 +96,9 @@ def test_the_sum_of_squares_has_no_slope_where_it_is_solved(channels: int, shape
 def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int) -> None:
     shape = (40, 60)
     truth, luminance, before = tinted(shape, 0.06, -0.04, channels), edge(shape), tinted(shape, 0, 0, channels)
-    result = spread(samples_of(truth, luminance, 800), luminance, before)
-    assert np.abs(result - truth).max() < 0.2 * np.abs(before - truth).max()
-    assert np.abs(result - truth)[:, :20].max() < 0.1 * np.abs(before - truth).max()
+    missed = np.abs(spread(samples_of(truth, luminance, 3000), luminance, before) - truth)
+    for side in (np.s_[:, :30], np.s_[:, 32:]):
+        assert missed[side].mean() < 0.1 * np.abs(before - truth)[side].mean()
 
 
 def test_without_samples_near_a_pixel_its_correction_fades() -> None:
@@ -128,11 +128,11 @@ def test_parts_leave_no_trace() -> None:
         assert np.array_equal(spread(samples, luminance, before, rows), whole)
 
 
-@pytest.mark.parametrize("sigma", [0.03, 0.3])
+@pytest.mark.parametrize("sigma", [0.03, 0.1])
 @pytest.mark.parametrize("shape", [(40, 44), (2 * TILE, 2 * TILE)])
 def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> None:
     """Without a coarse level the solver stopped on its way, or took the more iterations the larger the picture."""
-    luminance, before, truth, log = edge(shape), tinted(shape, 0, 0), tinted(shape, 0.06, -0.04), SolverLog()
+    luminance, before, truth, log = edge(shape), tinted(shape, 0, 0), tinted(shape, 0.08, 0.08), SolverLog()
     result = spread(samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2), luminance, before, log=log)
-    assert np.abs(result.mean(axis=0) - truth[0]).mean() < 0.5 * np.abs(before - truth).mean()
+    assert np.abs(result - truth).mean() < 0.4 * np.abs(before - truth).mean()
     assert log.solvers["samples"].iterations <= MOST

@@ -8,6 +8,7 @@ from offline.burst.align import Motions
 from offline.burst.merge import Frames, merge, samples_in
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
+from tests.offline.burst.scenes import pixels
 from tests.reference.compare import assert_close
 
 FLOAT32 = 2e-5
@@ -28,7 +29,7 @@ def slope(y: DoubleArray, x: DoubleArray) -> DoubleArray:
 
 def places(motion: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
     """Where the pixels of a frame lie in the reference."""
-    return in_reference(motion, *np.indices(shape), shape).astype(np.float64)
+    return in_reference(motion, *pixels(shape), shape).astype(np.float64)
 
 
 def burst(sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS) -> FloatArray:
@@ -85,7 +86,7 @@ def test_shows_more_than_one_frame_can() -> None:
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
     fine, shares = merged(arguments(planes, agreement, motions=motions))
-    assert np.abs(fine[::2, ::2] - light(*np.indices(shape).astype(np.float64)))[4:-4, 4:-4].max() < 0.02
+    assert np.abs(fine[::2, ::2] - light(*pixels(shape)))[4:-4, 4:-4].max() < 0.02
     assert shares[4:-4, 4:-4].max() < 0.5
     agreement[1:] = 0
     fine, shares = merged(arguments(planes, agreement, motions=motions))

@@ -6,16 +6,19 @@ import pytest
 from offline.burst import Motion, in_frame, in_reference
 from offline.burst.align import displaced
 from shared.errors import InputError
+from tests.offline.burst.scenes import pixels
+from tests.reference.compare import assert_close
 from tests.reference.geometry import keys
 
 SHAPE = (41, 60)
+PIXELS = pixels(SHAPE)
 EXACT = 2e-5  # pixels: rounding of places in a frame of this size to float32
 LOCAL = np.random.default_rng(0).uniform(-0.4, 0.4, (4, 5, 2)).astype(np.float32)
 TURNED = Motion((1.5, 0.25), -0.01, LOCAL)
 
 
 def test_a_shift_moves_all_points_alike() -> None:
-    y, x = np.indices(SHAPE)
+    y, x = PIXELS
     assert np.array_equal(in_frame(Motion((2.0, -3.5)), y, x, SHAPE), [y + 2.0, x - 3.5])
 
 
@@ -36,13 +39,13 @@ def test_local_shifts_are_bilinear_between_nodes_and_end_on_the_outermost_pixels
 
 @pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), Motion((-0.4, 1.2), 0.03), TURNED])
 def test_one_place_is_the_inverse_of_the_other(motion: Motion) -> None:
-    points = np.indices(SHAPE)
-    np.testing.assert_allclose(in_reference(motion, *in_frame(motion, *points, SHAPE), SHAPE), points, atol=EXACT)
+    down, across = in_frame(motion, *PIXELS, SHAPE)
+    assert_close(in_reference(motion, down, across, SHAPE), np.array(PIXELS), EXACT)
 
 
 def test_a_frame_of_larger_pixels_moves_by_fewer() -> None:
     half = Motion((0.75, 0.125), -0.01, LOCAL * np.float32(0.5))
-    assert np.array_equal(in_frame(TURNED.times(0.5), *np.indices(SHAPE), SHAPE), in_frame(half, *np.indices(SHAPE), SHAPE))
+    assert np.array_equal(in_frame(TURNED.times(0.5), *PIXELS, SHAPE), in_frame(half, *PIXELS, SHAPE))
     assert Motion().none
     assert not any(motion.none for motion in (TURNED, Motion((0.0, 1.0)), Motion(angle=0.1), Motion(local=LOCAL)))
 
@@ -50,7 +53,7 @@ def test_a_frame_of_larger_pixels_moves_by_fewer() -> None:
 @pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), TURNED])
 def test_a_plane_is_displaced_by_cubic_interpolation(motion: Motion) -> None:
     plane = np.random.default_rng(1).random(SHAPE, np.float32)
-    result, (down, across) = displaced(plane, motion), in_frame(motion, *np.indices(SHAPE), SHAPE)
+    result, (down, across) = displaced(plane, motion), in_frame(motion, *PIXELS, SHAPE)
     outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
     assert np.array_equal(np.isnan(result), outside)
     expected = keys(plane.astype(np.float64), float(down[13, 17]), float(across[13, 17]))

@@ -60,8 +60,8 @@ def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
         shape = frame.rgb.shape
         assert shape == reference.shape
         down, across = np.indices((shape[0], shape[1]), np.float32)
-        at = merged.in_reference(merged.Motion(*frame.motion), down, across, (shape[0], shape[1]))  # what its pixels see
-        expected = reference[0, 0, :2] + pixel * np.stack(at, axis=-1)
+        at = merged.in_reference(merged.Motion(*frame.motion), down, across, shape[:2])  # what its pixels see
+        expected = reference[0, 0, :2] + pixel * np.moveaxis(at, 0, -1)
         np.testing.assert_allclose(frame.rgb[..., :2], expected, atol=0.01 * pixel)
 
 
@@ -192,7 +192,8 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     seen = displaced(waves(grid(SHAPE)), motion)
     # The points of the reference that the pixels of the frame see.
     down, across = np.indices(SHAPE, np.float32)
-    points: DoubleArray = np.stack(merged.in_reference(merged.Motion(*motion), down, across, SHAPE), axis=-1).astype(np.float64)
+    places = merged.in_reference(merged.Motion(*motion), down, across, SHAPE)
+    points: DoubleArray = np.moveaxis(places, 0, -1).astype(np.float64)
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE
