@@ -137,11 +137,7 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
-                share = (
-                    (_FILLED + frames.panchromatic[min(int(to_y + 0.5), height - 1), min(int(to_x + 0.5), width - 1)])
-                    * agrees
-                    / 255.0
-                )
+                share = (_FILLED + _measured(frames.panchromatic, to_y, to_x)) * agrees / 255.0
                 mean[row, column] += share * precision * interpolated(frames.planes[frame], to_y, to_x)
                 totals[row, column] += share * precision
                 spreads[row, column] += share * share * precision
@@ -160,6 +156,18 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
         for column in range(2 * columns - 1):
             fine[row, column] = interpolated(mean, 0.5 * row, 0.5 * column)
     return fine
+
+
+@kernel
+def _measured(panchromatic: Bools2, y: float, x: float) -> float:
+    """How far light interpolated at a place of a frame is measured there, 0 to 1."""
+    y, x = min(max(y, 0.0), panchromatic.shape[0] - 1.001), min(max(x, 0.0), panchromatic.shape[1] - 1.001)
+    top, left = int(y), int(x)
+    down, across = y - top, x - left
+    upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
+    lower = (1 - across) * panchromatic[top + 1, left] + across * panchromatic[top + 1, left + 1]
+    light: float = (1 - down) * upper + down * lower
+    return light
 
 
 @kernel
