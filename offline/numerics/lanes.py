@@ -1,9 +1,9 @@
 """Explicit SIMD for kernels: a vector of neighbouring array elements that is used like one number.
 
-Inside a kernel `load(array, index)` reads 16 float32, or 8 float64, from `index` on along the last axis; +, - and * work on lanes and
-with a scalar of their type; `store(array, index, lanes)` writes them. Where a loop over the elements of a line vectorises, it is as
-fast and plainer. Lanes are for what does not fit such loops: sums in registers over many lines that are too short to pay for the
-checks that a vectorised loop begins with. Isolated blocks of holes take 2.4 times as long without them (measured).
+Inside a kernel `load(array, index)` reads 16 float32, or 8 float64, from `index` on along the last axis; +, - and * work on lanes
+and with a scalar of their type; `store(array, index, lanes)` writes them. Loops over the elements of a line vectorise, are as fast
+and plainer. Lanes are for what such loops cannot do: keep sums over many short lines in registers. Isolated blocks of holes take
+2.4 times as long without them (measured).
 
 Nothing is checked: an array must be C-contiguous and have room for all lanes at every index that is used.
 """
@@ -27,7 +27,7 @@ WIDTH = BYTES // 4
 Values: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
 Index: TypeAlias = int | tuple[int, ...]
 _INT32 = ir.IntType(32)
-# A product and a sum may become one instruction, as in every kernel. No option assumes finite numbers: spare lanes may hold any value.
+# A product and a sum may become one instruction, as in every kernel. Nothing assumes finite numbers: spare lanes hold any value.
 _FLAGS = ("contract",)
 
 
@@ -98,7 +98,7 @@ def _operator(name: str) -> None:
     """Define +, - or * on lanes, and +=, -= or *=."""
     function = _binary(lambda builder, a, b: getattr(builder, f"f{name}")(a, b, flags=_FLAGS))
     for operation in (getattr(operator, name), getattr(operator, f"i{name}")):
-        overload(operation)(lambda a, b: None if _kind(a, b) is None else lambda a, b: function(a, b))
+        overload(operation)(lambda a, b: None if _kind(a, b) is None else lambda a, b: function(a, b))  # noqa: PLW0108 (Numba wants a function)
 
 
 for _name in ("add", "sub", "mul"):

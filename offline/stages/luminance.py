@@ -5,8 +5,8 @@ Where a pixel is panchromatic its sample m is its luminance; elsewhere luminance
     l = argmin_l sum_i |f_i * l|_TV,   l[n] = m[n] for panchromatic n                          (1)
     |w|_TV = sum_n ((k * w^2)[n])^(1/2)                                                        (2)
 
-f_i are the three high-pass filters of one level of Daubechies-2 wavelets without decimation, k is a box of 3 x 3 ones. From l_0 = m,
-iteration t shrinks the coefficients w_i = f_i * l_t and restores the panchromatic samples:
+f_i are the three high-pass filters of one level of Daubechies-2 wavelets without decimation, k is a box of 3 x 3 ones. From
+l_0 = m, iteration t shrinks the coefficients w_i = f_i * l_t and restores the panchromatic samples:
 
     l_(t+1)[n] = m[n] for panchromatic n, l*_t[n] elsewhere                                    (3)
     l*_t = the synthesis of w*_i, which minimises sum_n (l_t - l*)^2 + beta^t sum_i |f_i * l*|_TV   (4)
@@ -96,7 +96,9 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))
-        luminance, change = _fill_isolated(copied(signal) if start is signal else start, pattern, (rows, columns), thresholds, progress)
+        luminance, change = _fill_isolated(
+            copied(signal) if start is signal else start, pattern, (rows, columns), thresholds, progress
+        )
     else:
         progress.stage("luminance", settings.iterations)
         luminance, change = fill(start, holes, thresholds, progress)
