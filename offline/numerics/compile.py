@@ -3,6 +3,8 @@
 Kernels are compiled for the types that their annotations name. Numba keeps the machine code in a file beside the source, or in the
 user's cache folder, and compiles again when the file of the kernel has changed; here also when a file of this package has, from
 which every kernel may take functions or constants.
+
+Only public interfaces of Numba are used, and nothing global is changed.
 """
 
 import threading
@@ -17,7 +19,6 @@ from typing import Annotated, Any, Concatenate, Generic, ParamSpec, TypeVar, get
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
 from shared.processors import threads
@@ -69,8 +70,6 @@ class ParallelKernel(Generic[P]):
         if self._compiled is None:
             with _compiling:
                 if self._compiled is None:
-                    if not self.kept():
-                        _announce()
                     self._compiled = self._read_or_compiled()
         return self._compiled
 
@@ -82,6 +81,8 @@ class ParallelKernel(Generic[P]):
     def _read_or_compiled(self) -> Callable[..., None]:
         kinds = types.void(*(_numba_type(each.annotation) for each in signature(self._function).parameters.values()))
         if not self.kept():
+            for begins in _listeners.get():
+                begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
             self._forget()
         try:
             return numba.njit(kinds, cache=True, **_OPTIONS)(self._function)
@@ -112,12 +113,6 @@ def _folder_of(function: Callable[..., Any]) -> Path:
 def _newest_source() -> float:
     """The time, in seconds, when a file of this package was last changed."""
     return max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
-
-
-def _announce() -> None:
-    """Tell who listens that a kernel is about to be compiled."""
-    for begins in _listeners.get():
-        begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
 
 
 def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
@@ -177,11 +172,6 @@ def parallel_kernel(
         return made
 
     return decorate
-
-
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """Turn a code generator into a function that kernels can call."""
-    return _intrinsic(prefer_literal=False)(function)
 
 
 def kernel_cache() -> Path:

@@ -124,7 +124,6 @@ def _pointer(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     return builder.bitcast(builder.gep(array.data, [place]), _stored(*signature.args[:2]).vector.as_pointer())
 
 
-@intrinsic
 def _load(typing: Any, array: Any, index: Any) -> Any:
     kind = _stored(array, index)
 
@@ -134,7 +133,6 @@ def _load(typing: Any, array: Any, index: Any) -> Any:
     return kind(array, index), code
 
 
-@intrinsic
 def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     if value is not (kind := _stored(array, index)):
         raise TypeError(f"{value} for an array of {kind}")
@@ -146,12 +144,10 @@ def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     return types.void(array, index, value), code
 
 
-@intrinsic
 def _where_less(typing: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     return _typed(lambda builder, x, y, *choice: builder.select(builder.fcmp_ordered("<", x, y), *choice), a, b, then, otherwise)
 
 
-@intrinsic
 def _total(typing: Any, lanes: Any) -> Any:
     def code(_: Any, builder: Any, signature: Any, values: Any) -> Any:
         parts = [builder.extract_element(values[0], ir.Constant(_INT32, lane)) for lane in range(lanes.vector.count)]
@@ -184,17 +180,17 @@ def _times_power_of(builder: Any, x: Any, exponent: Any) -> Any:
 
 _ROOT_SEED = 0x5F300000
 
-load: "Callable[[Values, Index], Lanes]" = _load
-store: "Callable[[Values, Index, Lanes], None]" = _store
+load: "Callable[[Values, Index], Lanes]" = intrinsic(_load)
+store: "Callable[[Values, Index, Lanes], None]" = intrinsic(_store)
 lesser: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = _binary(
     lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b)
 )
 greater: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = _binary(
     lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b)
 )
-where_less: "Callable[[Lanes | Scalar, Lanes | Scalar, Lanes | Scalar, Lanes | Scalar], Lanes]" = _where_less
+where_less: "Callable[[Lanes | Scalar, Lanes | Scalar, Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_where_less)
 """(a, b, yes, no): yes where a < b, no elsewhere."""
-total: "Callable[[Lanes], Any]" = _total
+total: "Callable[[Lanes], Any]" = intrinsic(_total)
 """The sum of the lanes, always in the same order."""
 quotient: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = _binary(lambda builder, a, b: builder.fdiv(a, b))
 square_root: "Callable[[Lanes], Lanes]" = _unary(_square_root_of)

@@ -1,26 +1,27 @@
-"""Denoise luminance by the amount of the sensor's noise: shrinkage in overlapping DCT blocks.
+"""Denoise luminance by the amount of the sensor's noise: shrinkage in overlapping DCT blocks. The paper has no such stage.
 
-Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996). Weighting blocks by how few coefficients they
-need, and a second pass with Wiener gains from the first result, are standard since. Small blocks suit edges, large ones gradients:
-estimates of several sizes are averaged with those weights.
+Blocks of n x n pixels are transformed, for each size n: first coefficients below a threshold go, then, in a second pass, Wiener
+gains from the first result take their place. With noise of variance v the gains of a block's coefficients x are
 
-Neighbouring blocks give nearly the same estimate: a quarter of them, on a quincunx, loses 0.01 to 0.02 dB. Weights that prefer
-blocks of few coefficients more than their variance asks for gain 0.05 dB.
+    1 where x^2 >= (threshold)^2 v, 0 elsewhere;   e^2 / (e^2 + v), e the coefficient of the first result
 
-Shrinkage of sliding-window DCT coefficients in two passes, in windows that stay in the cache.
+and the result is the mean of the blocks that cover a pixel, each with the weight (n^2 / sum of its squared gains)^1.5 / v: those
+that need few coefficients are more certain. tests/reference/denoising.py is this with SciPy's DCT.
 
-Blocks of n x n pixels are transformed, for each size n: first with a hard threshold, then again with Wiener gains from the first
-result. Blocks that need few coefficients are more certain, and get more weight where blocks overlap. They lie on a quincunx: one in
-every second column of every second row of the frame, alternate rows shifted by one. Blocks at every place cost four times as much.
+Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996); weights and a second pass with Wiener gains
+are standard since. Small blocks suit edges, large ones gradients. Neighbouring blocks give nearly the same estimate: a quarter of
+them, one in every second column of every second row of the frame, alternate rows shifted by one, loses 0.01 to 0.02 dB. The power
+1.5 gains 0.05 dB over 1, which the variance of a block asks for.
 
-The transform is separable. Its vertical half is computed for a row of blocks, once per column; what the blocks of a row add to the
-picture is summed in this half-transformed state and transformed back once per column, too. Sixteen blocks lie side by side in
-lanes, each two pixels to the right of the one before; a row of memory has its even columns first, so that these are neighbours. The
-rows of a DCT are even or odd, so sums and differences of opposite pixels halve the number of products.
+The kernel works in windows that stay in the cache. The transform is separable. Its vertical half is computed for a row of blocks,
+once per column; what the blocks of a row add to the picture is summed in this half-transformed state and transformed back once per
+column, too. Sixteen blocks lie side by side in lanes, each two pixels to the right of the one before; a row of memory has its even
+columns first, so that these are neighbours. The rows of a DCT are even or odd, so sums and differences of opposite pixels halve the
+number of products. Sums of products are kept in registers, four at a time: one by one they take twice as long.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Scalar, Single
+from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, tile_at, zeros
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, square_root, store, where_less
@@ -80,9 +81,9 @@ def denoise_luminance(
     step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
     pieces = [(top, min(top + step, height)) for top in range(0, height, step)]
     progress.stage("denoising", len(pieces))
-    model = np.float32(shot), np.float32(read), np.float32(settings.threshold)
+    shrinkage = Shrinkage(sizes, transforms, np.float32(shot), np.float32(read), np.float32(settings.threshold))
     for rows in pieces:
-        denoise(luminance, uncertain, rows, sizes, transforms, *model, result)
+        denoise(luminance, uncertain, rows, shrinkage, result)
         progress.advance()
     return result
 
@@ -100,38 +101,37 @@ _STEP = 2  # pixels from one block to the next, down and across; chosen: one tak
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-20)  # variance; sums of weights, which are up to 2000 times its inverse, stay finite
 
-Model = tuple[Scalar, Scalar, Scalar]
-"""(shot, read, threshold), as `denoise` takes them."""
 Memory = tuple[Floats3, Floats3, Floats3]
 """What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
+class Shrinkage(NamedTuple):
+    """Blocks and noise.
+
+    sizes: n of each kind of block, multiples of 4.
+    transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
+    shot, read: variance of the noise = shot * signal + read**2.
+    threshold: threshold of the first pass, in standard deviations of the noise.
+    """
+
+    sizes: Ints1
+    transforms: Floats3
+    shot: Single
+    read: Single
+    threshold: Single
+
+
 @parallel_kernel(pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)))
-def denoise(
-    pieces: Pieces,
-    noisy: Floats2,
-    uncertain: Bools2,
-    rows: Pair,
-    sizes: Ints1,
-    transforms: Floats3,
-    shot: Single,
-    read: Single,
-    threshold: Single,
-    out: Floats2,
-) -> None:
+def denoise(pieces: Pieces, noisy: Floats2, uncertain: Bools2, rows: Pair, shrinkage: Shrinkage, out: Floats2) -> None:
     """Denoise rows[0] to rows[1] of a frame.
 
     noisy: (H, W), scene units.
     uncertain: bool (any rows, W), repeated down the frame: samples that the second pass replaces by the first pass's result.
     rows: first and end row to compute.
-    sizes: n of each kind of block, multiples of 4.
-    transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
-    shot, read: variance of the noise = shot * signal + read**2.
-    threshold: threshold of the first pass, in standard deviations of the noise.
     out: (H, W), the computed rows are written.
     """
     height, width = noisy.shape
-    most = transforms.shape[1]
+    most = shrinkage.transforms.shape[1]
     halo = 2 * (most - 1)
     tall, half = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _STEP * WIDTH) // (_STEP * WIDTH) * WIDTH
     wide = _STEP * half
@@ -146,7 +146,7 @@ def denoise(
                 samples[row, _place(column, half)] = noisy[source, mirrored(left - halo + column, width)]
         inner = halo // 2
         area = 0, down + 2 * halo, 0, across + 2 * halo
-        _aggregate((planes, halves, block), False, area, top - halo, sizes, transforms, (shot, read, threshold))
+        _aggregate((planes, halves, block), False, area, top - halo, shrinkage)
         for row in range(inner, down + 2 * halo - inner):
             source = mirrored(top - halo + row, height)
             for column in range(inner, across + 2 * halo - inner):
@@ -155,7 +155,7 @@ def denoise(
                 if uncertain[source % len(uncertain), mirrored(left - halo + column, width)]:
                     samples[row, place] = pilot[row, place]
         area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
-        _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))
+        _aggregate((planes, halves, block), True, area, top - halo, shrinkage)
         for row in range(down):
             for column in range(across):
                 place = _place(column + halo, half)
@@ -169,7 +169,7 @@ def _place(column: int, half: int) -> int:
 
 
 @kernel
-def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints1, transforms: Floats3, model: Model) -> None:
+def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: Shrinkage) -> None:
     """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column.
 
     first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
@@ -180,8 +180,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints
     half = samples.shape[1] // _STEP
     sums[:] = _ZERO
     weights[:] = _ZERO
-    for kind in range(len(sizes)):
-        size, transform = sizes[kind], transforms[kind]
+    for kind in range(len(shrinkage.sizes)):
+        size, transform = shrinkage.sizes[kind], shrinkage.transforms[kind]
         for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
             shift = ((first + row) // _STEP + area[2]) % _STEP
             _down(samples, row, size, transform, block[1], forward)
@@ -194,9 +194,9 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, sizes: Ints
                 _across(forward, column, size, transform, block[1], block[0])
                 if guided:
                     _across(expected, column, size, transform, block[1], block[2])
-                    weight = _wiener(block, size, model)
+                    weight = _wiener(block, size, shrinkage)
                 else:
-                    weight = _hard(block, size, model)
+                    weight = _hard(block, size, shrinkage)
                 # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at the end of the area.
                 _back(block[0], column, size, transform, weight, backward)
                 for i in range(size):
@@ -261,9 +261,9 @@ def _across(halves: Floats2, column: int, size: int, transform: Floats2, folded:
 
 
 @kernel
-def _hard(block: Floats3, size: int, model: Model) -> Lanes:
+def _hard(block: Floats3, size: int, shrinkage: Shrinkage) -> Lanes:
     """Set the coefficients below the threshold to 0, except the mean. Returns the weight."""
-    variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
+    variance, threshold = _variance(load(block, (0, 0, 0)), size, shrinkage), shrinkage.threshold
     limit = variance * (threshold * threshold)
     kept = limit * _ZERO + _ONE
     for place in range(1, size * size):
@@ -275,9 +275,9 @@ def _hard(block: Floats3, size: int, model: Model) -> Lanes:
 
 
 @kernel
-def _wiener(block: Floats3, size: int, model: Model) -> Lanes:
+def _wiener(block: Floats3, size: int, shrinkage: Shrinkage) -> Lanes:
     """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight, as `_hard` does."""
-    variance = _variance(load(block, (2, 0, 0)), size, model)
+    variance = _variance(load(block, (2, 0, 0)), size, shrinkage)
     kept = variance * _ZERO + _ONE
     for place in range(1, size * size):
         value = load(block, (2, place, 0))
@@ -296,10 +296,9 @@ def _weight(kept: Lanes, variance: Lanes, size: int) -> Lanes:
 
 
 @kernel
-def _variance(mean: Lanes, size: int, model: Model) -> Lanes:
+def _variance(mean: Lanes, size: int, shrinkage: Shrinkage) -> Lanes:
     """Noise variance of the samples of a block, given its DC coefficient `mean`."""
-    shot, read, _ = model
-    return greater(greater(mean, _ZERO) * (shot / np.float32(size)) + read * read, _LEAST)
+    return greater(greater(mean, _ZERO) * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read, _LEAST)
 
 
 @kernel

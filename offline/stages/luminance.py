@@ -305,7 +305,7 @@ class Blocks(NamedTuple):
     """Rows of isolated blocks.
 
     first: row and column of the first one's top left pixel. All lie `REACH` or more pixels from the frame's edges.
-    count: blocks in a row.
+    across: blocks in a row.
     period: pixels from one to the next, at least `extent` + `REACH` in both directions.
     extent: rows and columns of a block.
     holes: (holes, 2), row and column of each hole in a block.
@@ -315,7 +315,7 @@ class Blocks(NamedTuple):
     """
 
     first: Pair
-    count: int
+    across: int
     period: int
     extent: Pair
     holes: Ints2
@@ -338,9 +338,9 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
         values, before = zeros(blocks.response.shape[1] * CHUNK, WIDTH), zeros(blocks.response.shape[1] * CHUNK, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         changes[row] = _ZERO
-        for group in range(0, blocks.count, WIDTH):
+        for group in range(0, blocks.across, WIDTH):
             for lane in range(WIDTH):  # the spare ones of the last group repeat the last block
-                places[lane] = blocks.first[1] + blocks.period * min(group + lane, blocks.count - 1)
+                places[lane] = blocks.first[1] + blocks.period * min(group + lane, blocks.across - 1)
             for down in range(rows + 2 * REACH):
                 for across in range(columns + 2 * REACH):
                     for lane in range(WIDTH):
