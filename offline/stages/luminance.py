@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import BORDER, STRIP, BoolArray, FloatArray, IndexArray
+from shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
@@ -68,9 +68,10 @@ _ROOT3 = 3**0.5
 _LOW = np.array([1 + _ROOT3, 3 + _ROOT3, 3 - _ROOT3, 1 - _ROOT3]) / 8
 _TAPS: FloatArray = np.stack([_LOW, _LOW[::-1] * [1, -1, 1, -1]]).astype(np.float32)
 # The taps down and across of the three high-pass bands, (3, 4, 4).
-_FILTERS: FloatArray = np.stack([np.outer(_TAPS[down], _TAPS[across]) for down, across in ((0, 1), (1, 0), (1, 1))])
+_FILTERS: FloatArray = np.stack([np.outer(_TAPS[i], _TAPS[j]) for i, j in ((0, 1), (1, 0), (1, 1))])
 
-_AROUND = 1.0  # pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic pixel in reach
+# Pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic pixel in reach.
+_AROUND = 1.0
 # White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes up to there. At 3.3 its
 # iterations end 4 % short (measured), so that brighter frames start with a larger one.
 _WHITE = 3.0
@@ -120,14 +121,14 @@ def fill(start: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: 
         shrink_once(plane, result, holes, _TAPS, threshold)
         plane, result = result, plane
         progress.advance()
-    change = max(float(np.abs(plane[top : top + STRIP] - result[top : top + STRIP]).max()) for top in range(0, len(plane), STRIP))
+    change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
     return plane[:, REACH:-REACH].copy(), change
 
 
 def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
     if settings.relative:
         return settings.threshold * max(brightest, 0.0)
-    return max(settings.threshold, (brightest - 1) / 2) if brightest > _WHITE else settings.threshold
+    return max(settings.threshold, (brightest - 1) / 2 if brightest > _WHITE else 0.0)
 
 
 def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:
@@ -150,7 +151,7 @@ def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:
     return start
 
 
-def _holes(pattern: CfaPattern, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> BoolArray:
+def _holes(pattern: CfaPattern, shape: Pair, first: Pair = (0, 0)) -> BoolArray:
     return pattern.filter_map(shape, first) < len(pattern.channels)
 
 
@@ -197,15 +198,15 @@ def _fill_isolated(
 
 def _response(extent: Pair, holes: IndexArray) -> FloatArray:
     """What a sample of 1 in each hole of a block adds to the high-pass coefficients that see it; see `Blocks`."""
-    response = np.zeros((3, extent[0] + 3, extent[1] + 3, -(-len(holes) // CHUNK) * CHUNK), np.float32)
+    chunks = -(-len(holes) // CHUNK)
+    response = np.zeros((3, extent[0] + 3, extent[1] + 3, chunks * CHUNK), np.float32)
     for hole, (row, column) in enumerate(holes):
         response[:, row : row + 4, column : column + 4, hole] = _FILTERS[:, ::-1, ::-1]
-    return response.reshape(-1, response.shape[-1] // CHUNK, CHUNK)
+    return response.reshape(-1, chunks, CHUNK)
 
 
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _STRIP = 64  # rows of a piece of work; chosen for speed
-Taps = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 @parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
@@ -219,10 +220,10 @@ def shrink_once(pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, 
     threshold: scene units.
     """
     height, width = len(plane), holes.shape[1]
-    low_pass, high_pass = (taps[0, 0], taps[0, 1], taps[0, 2], taps[0, 3]), (taps[1, 0], taps[1, 1], taps[1, 2], taps[1, 3])
+    low_pass, high_pass = taps
     full = np.array([line.any() for line in holes])
-    low, high, filled = np.empty(width + 8, np.float32), np.empty(width + 8, np.float32), np.empty(width, np.float32)
-    squares, bands, removed = np.empty(width + 5, np.float32), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
+    low, high, change = zeros(width + 2 * REACH), zeros(width + 2 * REACH), zeros(width)
+    squares, bands, removed = zeros(width + 5), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
     for strip in range(pieces[0], pieces[1]):
         first, end = strip * _STRIP, min(height, (strip + 1) * _STRIP)
         # Row r of the bands sees rows r - 4 to r - 1 of the plane. The last three rows are kept, and four of what is removed.
@@ -235,12 +236,14 @@ def shrink_once(pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, 
             _combine(low_pass, high, high[1:], high[2:], high[3:], bands[1, row % 3])
             _combine(high_pass, high, high[1:], high[2:], high[3:], bands[2, row % 3])
             for band in range(3):
-                _shrink(bands[band], (row - 1) % 3, threshold, squares, removed[band, (row - 1) % 4])
-            hole = row - REACH - 1
-            if hole >= first and full[hole % len(holes)]:
-                _synthesise(removed, hole, low_pass, high_pass, low, high, filled)
-                _subtract(plane[hole, REACH:], filled, holes[hole % len(holes)], result[hole, REACH:])
-                mirror_columns(result[hole], width)
+                out = removed[band, (row - 1) % 4]
+                _shrink(bands[band], (row - 1) % 3, threshold, squares, out)
+            target = row - REACH - 1
+            line = target % len(holes)
+            if target >= first and full[line]:
+                _synthesise(removed, target, taps, low, high, change)
+                _subtract(plane[target, REACH:], change, holes[line], result[target, REACH:])
+                mirror_columns(result[target], width)
 
 
 @kernel
@@ -252,36 +255,35 @@ def mirror_columns(row: Floats1, columns: int) -> None:
 
 
 @kernel
-def _combine(taps: Taps, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Floats1) -> None:
+def _combine(taps: Floats1, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Floats1) -> None:
     t0, t1, t2, t3 = taps
     for column in range(len(out)):
         out[column] = t0 * a[column] + t1 * b[column] + t2 * c[column] + t3 * d[column]
 
 
 @kernel
-def _add(taps: Taps, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Floats1) -> None:
+def _add(taps: Floats1, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Floats1) -> None:
     t0, t1, t2, t3 = taps
     for column in range(len(out)):
         out[column] += t0 * a[column] + t1 * b[column] + t2 * c[column] + t3 * d[column]
 
 
 @kernel
-def _shrink(band: Floats2, middle: int, threshold: Scalar, squares: Floats1, removed: Floats1) -> None:
+def _shrink(band: Floats2, middle: int, threshold: Scalar, squares: Floats1, out: Floats1) -> None:
     """Compute what Eq. 5 removes from a row of a band, of which `band` has three."""
     a, b, c = band[0], band[1], band[2]
     for column in range(len(squares)):
         squares[column] = a[column] * a[column] + b[column] * b[column] + c[column] * c[column]
-    left, right, line = squares[1:], squares[2:], band[middle, 1:]
-    for column in range(len(removed)):
-        size = np.sqrt(squares[column] + left[column] + right[column])
-        removed[column] = line[column] * min(_ONE, threshold / size)
+    after, last, line = squares[1:], squares[2:], band[middle, 1:]
+    for column in range(len(out)):
+        size = np.sqrt(squares[column] + after[column] + last[column])
+        out[column] = line[column] * min(_ONE, threshold / size)
 
 
 @kernel
-def _synthesise(removed: Floats3, row: int, low_pass: Taps, high_pass: Taps, low: Floats1, high: Floats1, out: Floats1) -> None:
+def _synthesise(removed: Floats3, row: int, taps: Floats2, low: Floats1, high: Floats1, out: Floats1) -> None:
     """Synthesise a row of the plane from rows row + 1 to row + 4 of the bands; the taps are reversed."""
-    (l3, l2, l1, l0), (h3, h2, h1, h0) = low_pass, high_pass
-    low_back, high_back = (l0, l1, l2, l3), (h0, h1, h2, h3)
+    low_back, high_back = taps[:, ::-1]
     a, b, c, d = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     low, high = low[: removed.shape[2]], high[: removed.shape[2]]
     _combine(high_back, removed[1, a], removed[1, b], removed[1, c], removed[1, d], low)
@@ -331,24 +333,26 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
     thresholds: one per iteration, at least one, scene units.
     changes: (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
-    (rows, columns), holes = blocks.extent, blocks.holes
+    (rows, columns), holes, (inner, chunks, _) = blocks.extent, blocks.holes, blocks.response.shape
+    tall, wide = rows + 2 * REACH, columns + 2 * REACH
     for row in range(pieces[0], pieces[1]):
-        window, coefficients = zeros(rows + 2 * REACH, columns + 2 * REACH, WIDTH), zeros(3, rows + 5, columns + 5, WIDTH)
-        known, removed = zeros(len(blocks.response), WIDTH), zeros(len(blocks.response), WIDTH)
-        values, before = zeros(blocks.response.shape[1] * CHUNK, WIDTH), zeros(blocks.response.shape[1] * CHUNK, WIDTH)
+        window, coefficients = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
+        known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
+        values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         changes[row] = _ZERO
         for group in range(0, blocks.across, WIDTH):
             for lane in range(WIDTH):  # the spare ones of the last group repeat the last block
-                places[lane] = blocks.first[1] + blocks.period * min(group + lane, blocks.across - 1)
-            for down in range(rows + 2 * REACH):
-                for across in range(columns + 2 * REACH):
+                number = min(group + lane, blocks.across - 1)
+                places[lane] = blocks.first[1] + blocks.period * number
+            for i in range(tall):
+                for j in range(wide):
                     for lane in range(WIDTH):
-                        window[down, across, lane] = luminance[top + down - REACH, places[lane] + across - REACH]
+                        window[i, j, lane] = luminance[top + i - REACH, places[lane] + j - REACH]
             for hole in range(len(holes)):
-                down, across = holes[hole, 0] + REACH, holes[hole, 1] + REACH
-                store(values, (hole, 0), load(window, (down, across, 0)))
-                store(window, (down, across, 0), load(window, (down, across, 0)) * _ZERO)
+                i, j = holes[hole, 0] + REACH, holes[hole, 1] + REACH
+                for lane in range(WIDTH):
+                    values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
             _decompose_blocks(window, blocks.filters, coefficients, known)
             for threshold in thresholds:
                 for hole in range(len(values)):
@@ -357,9 +361,10 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
                 _shrink_blocks(coefficients, threshold, removed)
                 _remove(removed, blocks.response, values)
             for hole in range(len(holes)):
+                i, j = top + holes[hole, 0], holes[hole, 1]
                 for lane in range(WIDTH):
                     changes[row] = max(changes[row], abs(values[hole, lane] - before[hole, lane]))
-                    luminance[top + holes[hole, 0], places[lane] + holes[hole, 1]] = values[hole, lane]
+                    luminance[i, places[lane] + j] = values[hole, lane]
 
 
 @kernel
@@ -390,9 +395,10 @@ def _respond(values: Floats2, known: Floats2, response: Floats3, coefficients: F
         for band in range(3):
             for row in range(1, rows - 1):
                 for column in range(1, columns - 1):
-                    c = response[place, chunk]
-                    others = load(coefficients, (band, row, column, 0)) if chunk else load(known, (place, 0))
-                    store(coefficients, (band, row, column, 0), others + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3)
+                    c, index = response[place, chunk], (band, row, column, 0)
+                    others = load(coefficients, index) if chunk else load(known, (place, 0))
+                    total = others + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
+                    store(coefficients, index, total)
                     place += 1
 
 
@@ -415,7 +421,8 @@ def _shrink_blocks(coefficients: Floats4, threshold: Scalar, removed: Floats2) -
 @kernel
 def _energy(coefficients: Floats4, band: int, row: int, column: int) -> Lanes:
     """Sum of the squares of three vertically adjacent coefficients."""
-    a, b = load(coefficients, (band, row - 1, column, 0)), load(coefficients, (band, row, column, 0))
+    a = load(coefficients, (band, row - 1, column, 0))
+    b = load(coefficients, (band, row, column, 0))
     c = load(coefficients, (band, row + 1, column, 0))
     return a * a + b * b + c * c
 
@@ -437,5 +444,6 @@ def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
 
 @kernel
 def _chunk(values: Floats2, chunk: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
-    first = CHUNK * chunk
-    return load(values, (first, 0)), load(values, (first + 1, 0)), load(values, (first + 2, 0)), load(values, (first + 3, 0))
+    i = CHUNK * chunk
+    a, b, c, d = load(values, (i, 0)), load(values, (i + 1, 0)), load(values, (i + 2, 0)), load(values, (i + 3, 0))
+    return a, b, c, d
