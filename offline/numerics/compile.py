@@ -39,7 +39,8 @@ Pieces = Pair
 
 LITTLE = 1 << 15
 """A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others costs more than it saves."""
-_TOGETHER = 1 << 18  # elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels
+# Elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels.
+_TOGETHER = 1 << 18
 
 
 class ParallelKernel(Generic[P]):
@@ -63,7 +64,9 @@ class ParallelKernel(Generic[P]):
         compiled, pieces = self.compile(), self._pieces(*arguments)
         largest = max(array.size for array in _arrays(arguments))
         together = max(1, min(pieces * _TOGETHER // max(largest, 1), -(-pieces // (2 * threads()))))
-        in_pieces(lambda *part: compiled(part, *arguments), pieces, pieces if largest <= LITTLE else together)
+        if largest <= LITTLE:
+            together = pieces
+        in_pieces(lambda *part: compiled(part, *arguments), pieces, together)
 
     def compile(self) -> Callable[..., None]:
         """Read the machine code from the disk, or compile it and keep it there; return the function."""
@@ -79,14 +82,15 @@ class ParallelKernel(Generic[P]):
         return any(path.stat().st_mtime >= newest for path in self._indexes())
 
     def _read_or_compiled(self) -> Callable[..., None]:
-        kinds = types.void(*(_numba_type(each.annotation) for each in signature(self._function).parameters.values()))
+        parameters = signature(self._function).parameters.values()
+        kinds = types.void(*(_numba_type(parameter.annotation) for parameter in parameters))
         if not self.kept():
             for begins in _listeners.get():
                 begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
             self._forget()
         try:
             return numba.njit(kinds, cache=True, **_OPTIONS)(self._function)
-        except Exception:  # there is no folder, the disk is full, or a file is damaged, which has no common base
+        except Exception:  # no folder, a full disk, a damaged file: they have no common base
             self._forget()
             return numba.njit(kinds, **_OPTIONS)(self._function)
 
@@ -96,8 +100,9 @@ class ParallelKernel(Generic[P]):
             folder = _folder_of(self._function)
         except (OSError, RuntimeError):
             return []
-        module, line = self._function.__module__.rpartition(".")[2], self._function.__code__.co_firstlineno
-        return [*folder.glob(f"{module}.{self._function.__qualname__}-{line}.*.nbi")]
+        function = self._function
+        module, line = function.__module__.rpartition(".")[2], function.__code__.co_firstlineno
+        return [*folder.glob(f"{module}.{function.__qualname__}-{line}.*.nbi")]
 
     def _forget(self) -> None:
         for path in self._indexes():
@@ -127,9 +132,8 @@ def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
 def _numba_type(annotation: Any) -> Any:
     """Numba's type of an argument: an int, a float, one of `arrays`, or a tuple or named tuple of such."""
     if hasattr(annotation, "_fields"):
-        return types.BaseTuple.from_types(
-            tuple(map(_numba_type, get_type_hints(annotation, include_extras=True).values())), annotation
-        )
+        hints = get_type_hints(annotation, include_extras=True).values()
+        return types.BaseTuple.from_types(tuple(map(_numba_type, hints)), annotation)
     if get_origin(annotation) is Annotated:
         return annotation.__metadata__[0]
     if get_origin(annotation) is tuple:

@@ -1,6 +1,13 @@
 """One chromaticity per colour block by constrained least squares, and oriented medians against outliers (section 3.2, Eqs. 6-9).
 
-Oriented medians on the coarse image of block chromaticities (end of section 3.2).
+A block is taken for one material: m[n_i] = c_i l[n_i] at each site of channel i (Eq. 6), and sum_i gamma_i c_i = 1 (Eq. 7). So
+
+    c = argmin_c sum_i (sum_(n_i) (l[n_i] c_i - m[n_i])^2 + sigma_z^2 (c_i - 1 / sum gamma)^2),   sum_i gamma_i c_i = 1    (8, 9)
+
+where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` solves it. Medians of five blocks along four
+orientations then propose values for each block, channel by channel; the nearest proposal replaces its chromaticity, until nothing
+changes.
+tests/reference/chromaticity.py transcribes this literally.
 """
 
 from dataclasses import dataclass
@@ -39,7 +46,8 @@ class ChromaticitySettings(StageSettings):
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
-_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most
+# sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most.
+_LEAST_TOTAL = 0.5
 
 
 def estimate_chromaticities(
@@ -60,7 +68,8 @@ def estimate_chromaticities(
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:
-        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
+        sums = BlockSums(sums.weight, sums.weight * chromaticity) + others
+        chromaticity = sums.solved(sigma, gamma)
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
@@ -98,11 +107,10 @@ def sigma_z(frame: Cleaned) -> float:
 
     An estimate counts as no noise here: texture raises it, and single scenes then lose 0.2 dB, while the mean gains 0.01 dB.
     """
-    places, noise = frame.sites.places, None if frame.estimated else frame.noise
-    level = 0.0
-    for place in places:
-        level += float(frame.signal[place].mean()) / len(places)
-    variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))] if noise else [0.0]
+    if frame.estimated or (noise := frame.noise) is None:
+        return _LEAST_SIGMA
+    level = float(np.mean([frame.signal[place].mean() for place in frame.sites.places]))
+    variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))]
     return max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
 
 

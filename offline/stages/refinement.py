@@ -87,13 +87,15 @@ def refine(
         return part.rows(*rows).chromaticity.copy()
     result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
-    blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
+    # A window of (K + 1) x (K + 1) for even K.
+    blur, radius = gaussian(settings.blur * period), period // 2
     margin = (settings.repetitions + 1) * radius + len(blur) // 2
     down, across = (
         mirrored(np.arange(first - margin, end + margin), size)
         for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
     )
-    at = (down - part.first).clip(0, len(part.chromaticity) - 1)  # beyond them, weights alone are needed
+    # Beyond the rows of the part, weights alone are needed.
+    at = (down - part.first).clip(0, len(part.chromaticity) - 1)
     initial = np.ascontiguousarray(part.chromaticity)
     window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
     average(initial, luminance, Places(down, at, across), window, result)
@@ -147,9 +149,12 @@ def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places
     out: (rows of the result, W, C), written.
     """
     (height, width, channels), radius, reach = out.shape, window.radius, len(window.blur) // 2
-    margin, begin = (window.repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
-    lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
-    tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
+    margin = (window.repetitions + 1) * radius + reach
+    # Spare columns in front, so that the first one with weights begins where a vector does.
+    begin = (radius + reach + WIDTH - 1) // WIDTH * WIDTH
+    lead = begin - radius - reach
+    tall = min(_ROWS, height) + 2 * margin
+    wide = (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
     weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
     colour, mean, light = zeros(planes, tall, wide), zeros(planes, tall, wide), zeros(tall, wide)
@@ -157,8 +162,9 @@ def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places
         top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
-            tints, across = initial[places.initial_rows[top + row]], places.columns[left : left + after + margin]
-            _gather(luminance[places.rows[top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
+            source, tints = luminance[places.rows[top + row]], initial[places.initial_rows[top + row]]
+            across = places.columns[left : left + after + margin]
+            _gather(source, tints, across, light[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach
         _weigh(light, (2 * radius, below + margin - 2 * radius), columns, window, weights)
         for following in range(window.repetitions - 1, -1, -1):
@@ -167,8 +173,9 @@ def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places
             if following:
                 _lit(mean, rows, columns, colour)
         for row in range(margin, below):
+            before = initial[places.initial_rows[top + row], left:]
             refined = out[top + row - margin, left : left + after - margin]
-            _finish(mean[:, row, lead + margin :], initial[places.initial_rows[top + row], left:], refined)
+            _finish(mean[:, row, lead + margin :], before, refined)
 
 
 @kernel
@@ -187,7 +194,8 @@ def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
     """Write a row of the result; a pixel without light around it keeps its chromaticity."""
     for channel in range(out.shape[1]):
         for column in range(len(out)):
-            out[column, channel] = mean[channel + 1, column] if mean[0, column] > _LEAST else initial[column, channel]
+            lit = mean[0, column] > _LEAST
+            out[column, channel] = mean[channel + 1, column] if lit else initial[column, channel]
 
 
 @kernel
@@ -216,7 +224,8 @@ def _weigh(light: Floats2, rows: Pair, columns: Pair, window: Window, weights: F
                 for tap in range(1, len(blur)):
                     total += blur[tap] * load(lines, (row - reach + tap, column))
                 total *= falloff
-                store(weights, (offset, row, column), where_less(total, LEAST_EXPONENT, _ZERO, exponential(total)))
+                weight = where_less(total, LEAST_EXPONENT, _ZERO, exponential(total))
+                store(weights, (offset, row, column), weight)
 
 
 @kernel
@@ -233,8 +242,10 @@ def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radiu
                 for y in range(row - radius, row + radius + 1):
                     for x in range(column - radius, column + radius + 1):
                         weight = _between(weights, row, column, y, x, radius)
-                        a, b = a + weight * load(colour, (plane, y, x)), b + weight * load(colour, (plane + 1, y, x))
-                        c, d = c + weight * load(colour, (plane + 2, y, x)), d + weight * load(colour, (plane + 3, y, x))
+                        a += weight * load(colour, (plane, y, x))
+                        b += weight * load(colour, (plane + 1, y, x))
+                        c += weight * load(colour, (plane + 2, y, x))
+                        d += weight * load(colour, (plane + 3, y, x))
                 for step, value in enumerate((a, b, c, d)):
                     store(mean, (plane + step, row, column), value)
             share = quotient(_ONE, greater(load(mean, (0, row, column)), _LEAST))
@@ -255,4 +266,5 @@ def _lit(mean: Floats3, rows: Pair, columns: Pair, colour: Floats3) -> None:
     for plane in range(1, len(colour)):
         for row in range(rows[0], rows[1]):
             for column in range(columns[0], columns[1], WIDTH):
-                store(colour, (plane, row, column), load(colour, (0, row, column)) * load(mean, (plane, row, column)))
+                light = load(colour, (0, row, column))
+                store(colour, (plane, row, column), light * load(mean, (plane, row, column)))
