@@ -32,7 +32,7 @@ STRIP = 256
 
 
 def is_frozen(array: NDArray[Any]) -> bool:
-    """Whether nobody can write to an array, nor to what it is a view of."""
+    """Return True if nobody can write to an array, nor to what it is a view of."""
     memory: Any = array
     while isinstance(memory, np.ndarray):
         if memory.flags.writeable:

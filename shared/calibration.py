@@ -7,6 +7,7 @@ pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of every pixel of
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -16,8 +17,8 @@ import numpy as np
 
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
-from .figures import numbers, shown, whole
-from .lights import COLOUR_RANGE, Lights, checked_lights, checked_matrix, colours_under, lights_from_json
+from .figures import built, numbers, shown, whole
+from .lights import COLOUR_RANGE, CalibratedLight, Lights, checked_lights, checked_matrix, colours_under
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -26,13 +27,17 @@ SCHEMA = 1
 OPTIONAL = "neutral_estimated", "shading", "aberration", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
+_ANY = (-math.inf, math.inf)
+_KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
 # beyond the limits a render would overflow, without an error.
 _GAMMA = (1e-3, 1e3)
 NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _LEAST_RANGE = 16  # codes from black to white
-_MOST_DEFECTS = 1 << 20  # one in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render
+# One in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render.
+_MOST_DEFECTS = 1 << 20
+_LETTERS = re.compile("[A-Z]{2,}")
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,7 @@ class NoiseModel:
         return shot * signal.clip(0) + read**2
 
     def in_units_of(self, unit: float) -> "NoiseModel":
-        """The same noise, where samples are said in units of `unit` scene units, > 0."""
+        """Return the noise of samples in units of `unit` scene units, > 0."""
         return NoiseModel(tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read))
 
     def possible(self) -> "NoiseModel":
@@ -96,7 +101,7 @@ class NoiseModel:
 
     @property
     def of_colours(self) -> bool:
-        """Whether the samples of any channel have noise."""
+        """True if the samples of any channel have noise."""
         return any(self.shot[:-1] + self.read[:-1])
 
 
@@ -145,33 +150,29 @@ class SensorCalibration:
     lights: Lights | None = None
 
     def __post_init__(self) -> None:
-        count = len(self.channels)
-        letters = self.channels
-        if count < 2 or len(set(letters)) != count or not (letters.isascii() and letters.isalpha() and letters.isupper()):
-            raise InputError(f"calibration: channels is {letters!r}, expected two or more different letters A to Z")
-        if PANCHROMATIC in letters:
-            raise InputError(f"calibration: channels is {letters!r}; {PANCHROMATIC} stands for panchromatic")
-        # Only the empty tuple means "default": null, 0 or [] in a document are mistakes.
-        self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count, _GAMMA)
-        self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
-        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))  # JSON takes only int
-        if not 0 <= min(self.black_level) <= max(self.black_level) < self.white_level <= 65535:
+        letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
+        if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
             raise InputError(
-                f"calibration: black_level {self.black_level} and white_level {shown(self.white_level)}, "
-                "expected 0 <= black < white <= 65535"
+                f"calibration: channels is {letters!r}, expected two or more different letters A to Z; {PANCHROMATIC} stands for "
+                "panchromatic"
             )
-        if self.white_level - max(self.black_level) < _LEAST_RANGE:
+        self._set("gamma", count, _GAMMA, default=1.0)
+        self._set("black_level", planes, default=4096.0)
+        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))
+        black, white = self.black_level, self.white_level
+        if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             raise InputError(
-                f"calibration: black_level {self.black_level} is less than {_LEAST_RANGE} codes below "
-                f"white_level {self.white_level}"
+                f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= black, at least {_LEAST_RANGE} "
+                "codes below white, which is 65535 at most"
             )
-        if self.noise is not None:
-            if len(self.noise.shot) != count + 1:
-                raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
-            for name in ("shot", "read"):
-                _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], NOISE_RANGE, "0, or ")
+        held = {"noise": self.noise.shot if self.noise else None, "shading": self.shading.gain if self.shading else None}
+        for part, values in held.items():
+            if values is not None and len(values) != planes:
+                raise InputError(f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)")
+        for name in ("shot", "read") if self.noise else ():
+            _check_range(f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or ")
         if self.neutral is not None:
-            self._set("neutral", self.neutral, count, COLOUR_RANGE)
+            self._set("neutral", count, COLOUR_RANGE)
         elif self.neutral_estimated:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.lights is not None:
@@ -180,8 +181,6 @@ class SensorCalibration:
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
-        if self.shading is not None:
-            self.shading.check_channels(letters)
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -210,7 +209,7 @@ class SensorCalibration:
 
     @property
     def knows_white(self) -> bool:
-        """Whether it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
+        """True if it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
         return self.neutral is not None or (self.camera_to_xyz is not None and self.lights is None)
 
     @property
@@ -239,7 +238,7 @@ class SensorCalibration:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def without_estimates(self) -> "SensorCalibration":
-        """What was measured or set: without a neutral that is only an estimate from one picture."""
+        """Return the calibration without a neutral that is only an estimate from one picture."""
         return replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
 
     def scale(self) -> DoubleArray:
@@ -275,31 +274,29 @@ class SensorCalibration:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
         if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
-        for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int), ("neutral_estimated", bool)):
-            if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool) != (kind is bool)):
+        for name, kind in _KINDS.items():
+            if not isinstance(given.get(name, kind()), kind):
                 raise InputError(f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}")
-        noise = given.get("noise")
-        if noise is not None:
-            if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
-                raise InputError('calibration: noise is not an object with "shot" and "read"')
-            given["noise"] = NoiseModel(**noise)
+        if given.get("noise") is not None:
+            given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:
-            given["shading"] = Shading.from_json(given["shading"])
+            given["shading"] = built(Shading, given["shading"], "calibration: shading")
         if "aberration" in given:
             given["aberration"] = json.dumps(given["aberration"])
-        if given.get("lights") is not None:
+        if (lights := given.get("lights")) is not None:
             if given.get("camera_to_xyz") is not None:
                 raise InputError("calibration: has lights and camera_to_xyz, which follows from them: leave one of them out")
-            given["lights"] = lights_from_json(given["lights"])
+            lights = lights if isinstance(lights, list | tuple) else [lights]
+            given["lights"] = tuple(built(CalibratedLight, light, "calibration: lights") for light in lights)
         return cls(**given)
 
-    def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
+    def _set(self, name: str, count: int, limits: tuple[float, float] = _ANY, default: float | None = None) -> None:
+        """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a document are mistakes."""
+        values = getattr(self, name)
+        if default is not None and isinstance(values, tuple) and not values:
+            values = (default,) * count
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
         _check_range(name, getattr(self, name), limits)
-
-
-def _absent(values: Any) -> bool:
-    return isinstance(values, tuple) and not values
 
 
 def _check_range(name: str, values: Iterable[float], limits: tuple[float, float], also: str = "") -> None:
@@ -314,12 +311,11 @@ def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
         places = sorted({(whole("a row", row), whole("a column", column)) for row, column in values})
+        if not all(0 <= min(place) <= max(place) < MAX_PIXELS for place in places):
+            raise ValueError
     except (TypeError, ValueError, InputError):
-        raise InputError("calibration: defects is not a list of [row, column]") from None
+        raise InputError("calibration: defects is not a list of [row, column] that a sensor has") from None
     if len(places) > _MOST_DEFECTS:
-        raise InputError(
-            f"calibration: defects holds {len(places)} pixels, expected {_MOST_DEFECTS} at most; measure the sensor anew"
-        )
-    if places and not 0 <= min(min(place) for place in places) <= max(max(place) for place in places) < MAX_PIXELS:
-        raise InputError("calibration: defects holds a negative row or column, or one that no sensor has")
+        most = f"{_MOST_DEFECTS} at most; measure the sensor anew"
+        raise InputError(f"calibration: defects holds {len(places)} pixels, expected {most}")
     return tuple(places)

@@ -13,7 +13,7 @@ import numpy as np
 
 from .calibration import SensorCalibration
 from .errors import InputError
-from .figures import parsed_json, shown
+from .figures import parsed_json, shown, size
 from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
@@ -60,10 +60,7 @@ class Camera:
             if not isinstance(how, Mapping):
                 raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
         if self.size is not None:
-            sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
-            if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
-                raise InputError(f"camera: size is {shown(self.size)}, expected [rows, columns]")
-            object.__setattr__(self, "size", sides)
+            object.__setattr__(self, "size", size("camera: size", self.size))
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
         """The shot with this camera's calibration; what it does not know of colours, noise, defects and lens stays the shot's.
@@ -79,10 +76,11 @@ class Camera:
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
         white = known if colours is known and known.knows_white else own
         # A shot of a picture says 1, 1, 1, for pictures are balanced; sensors are not.
-        measured = None if known.lights and white.neutral and len(set(white.neutral)) == 1 else white.neutral
+        of_picture = known.lights and white.neutral and len(set(white.neutral)) == 1
+        measured = None if of_picture else white.neutral
         # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
-        parts = ("noise", "defects", "sensor", "shading", "aberration")
-        kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
+        unknown = {"noise", "defects", "sensor", "shading", "aberration"} - self.measured.keys()
+        kept = {name: getattr(known, name) or getattr(own, name) for name in unknown}
         calibration = replace(
             known,
             **kept,
@@ -137,10 +135,12 @@ class Camera:
         if not isinstance(document, dict):
             raise InputError(f"camera: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
-        pattern, measured, size = given.pop("pattern", None), given.pop("measured", {}), given.pop("size", None)
+        measured, pattern = given.pop("measured", {}), given.pop("pattern", None)
+        shape = given.pop("size", None)
         if not isinstance(measured, dict):
             raise InputError(f"camera: measured is {shown(measured)}, expected an object")
-        return cls(SensorCalibration.from_json(given), None if pattern is None else _pattern(pattern), measured, size)
+        known = None if pattern is None else CfaPattern.from_json(pattern)
+        return cls(SensorCalibration.from_json(given), known, measured, shape)
 
 
 def read_camera(path: Path | str) -> Camera:
@@ -157,22 +157,6 @@ def read_camera(path: Path | str) -> Camera:
         return Camera.from_json(parsed_json(read_text(path, MAX_DOCUMENT, "a camera file")))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _pattern(given: Any) -> CfaPattern:
-    """Check the field "pattern" of a camera file and return it as a pattern; InputError names the field."""
-    if not isinstance(given, dict):
-        raise InputError(f"camera: pattern is {shown(given)}, expected an object")
-    if unknown := sorted(set(given) - {"tile", "origin", "channels"}):
-        raise InputError(f"camera: pattern has an unknown field {unknown[0]!r}")
-    tile, origin, channels = given.get("tile"), given.get("origin", [0, 0]), given.get("channels", "")
-    if not isinstance(tile, list | tuple) or not all(isinstance(row, str) for row in tile):
-        raise InputError("camera: pattern.tile is not a list of strings")
-    if not isinstance(origin, list | tuple) or len(origin) != 2 or not all(type(value) is int for value in origin):
-        raise InputError("camera: pattern.origin is not [row, column]")
-    if not isinstance(channels, str):
-        raise InputError(f"camera: pattern.channels is {shown(channels)}, expected letters")
-    return CfaPattern(tuple(tile), (origin[0], origin[1]), channels)
 
 
 def _shown(pattern: CfaPattern) -> str:

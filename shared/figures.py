@@ -4,13 +4,17 @@ Text and truth values are no numbers, though `float` and NumPy take both; nor is
 any length, and computing with those of hundreds of digits overflows. So documents that hold one are refused as a whole.
 """
 
+import inspect
 import json
 import math
 import operator
+from collections.abc import Callable
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 from .errors import InputError
+
+Built = TypeVar("Built")
 
 _MOST_DIGITS = 18  # of a whole number in a document: all of them fit into 64 bits
 _SHOWN = 200  # characters of a wrong value in a message
@@ -24,50 +28,57 @@ def parsed_json(text: str | bytes) -> Any:
     {'gamma': [0.9, 1.1, 0.8]}
     """
     try:
-        return json.loads(text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_no_number)
+        return json.loads(text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_finite_number)
     except (ValueError, RecursionError) as error:  # ValueError: neither UTF-8 nor JSON
         raise InputError(f"is not JSON ({error})") from None
 
 
-def number(name: str, value: Any) -> float:
-    """A finite number as a float; InputError names the field otherwise, also for text and for truth values.
-
-    >>> from shared.figures import number
-    >>> number("focal_length", 35)
-    35.0
-    """
-    return _checked(name, value, [value], "a number")[0]
-
-
-def numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ...]:
-    """A list of finite numbers as floats; InputError names the field.
+def numbers(name: str, values: Any, count: int | None = None, *, depth: int = 1) -> Any:
+    """Return a list of finite numbers as a tuple of floats; InputError names the field, also for text and for truth values.
 
     count: how many there have to be; None = any number.
+    depth: 2 for a list of such lists, 3 for a list of those.
 
     >>> from shared.figures import numbers
-    >>> numbers("gamma", [1, 2.5, 3], 3)
-    (1.0, 2.5, 3.0)
+    >>> numbers("gamma", [1, 2.5, 3], 3), numbers("camera_to_xyz", [[1, 0], [0, 1]], depth=2)
+    ((1.0, 2.5, 3.0), ((1.0, 0.0), (0.0, 1.0)))
     """
-    floats = _checked(name, values, values, "a list of numbers")
+    try:
+        items = tuple(values)
+        if depth > 1:
+            return tuple(numbers(name, item, count, depth=depth - 1) for item in items)
+        if any(isinstance(item, bool) or not isinstance(item, Real) for item in items):
+            raise TypeError
+        floats = tuple(map(float, items))
+    except (TypeError, OverflowError):
+        raise InputError(f"{name} is {shown(values)}, expected a list of numbers") from None
+    if not all(map(math.isfinite, floats)):
+        raise InputError(f"{name} holds a figure that is not finite: {floats}")
     if count is not None and len(floats) != count:
         raise InputError(f"{name} has {len(floats)} figures, expected {count}")
     return floats
 
 
-def tables(name: str, values: Any, depth: int) -> Any:
-    """Lists of finite numbers, `depth` lists in each other, as tuples of floats; InputError names the field.
+def size(name: str, value: Any) -> tuple[int, int]:
+    """Return the (rows, columns) of a frame; InputError names the field.
 
-    >>> from shared.figures import tables
-    >>> tables("radial", [[1, 0], [0, 0]], 2)
-    ((1.0, 0.0), (0.0, 0.0))
+    >>> from shared.figures import size
+    >>> size("size", [480, 640])
+    (480, 640)
     """
-    if depth == 1:
-        return numbers(name, values)
+    sides = tuple(value) if isinstance(value, tuple | list) else ()
+    if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
+        raise InputError(f"{name} is {shown(value)}, expected [rows, columns]")
+    return sides
+
+
+def built(kind: Callable[..., Built], document: Any, name: str) -> Built:
+    """Return the dataclass that a JSON object with its fields describes; InputError names the object and its fields."""
     try:
-        every = tuple(values)
+        return kind(**document)
     except TypeError:
-        raise InputError(f"{name} is not a list of lists of numbers: {shown(values)}") from None
-    return tuple(tables(name, value, depth - 1) for value in every)
+        names = ", ".join(inspect.signature(kind).parameters)
+        raise InputError(f"{name} is {shown(document)}, expected an object with {names}") from None
 
 
 def whole(name: str, value: Any) -> int:
@@ -99,20 +110,6 @@ def shown(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
-def _checked(name: str, value: Any, values: Any, expected: str) -> tuple[float, ...]:
-    """Return the values as finite floats. Raises InputError, which shows `value`, for what is no number that a float can be."""
-    try:
-        every = tuple(values)
-        if any(isinstance(item, bool) or not isinstance(item, Real) for item in every):
-            raise TypeError
-        floats = tuple(map(float, every))
-    except (TypeError, OverflowError):
-        raise InputError(f"{name} is {shown(value)}, expected {expected}") from None
-    if not all(map(math.isfinite, floats)):
-        raise InputError(f"{name} holds a figure that is not finite: {floats}")
-    return floats
-
-
 def _whole_number(text: str) -> int:
     if len(text.lstrip("-")) > _MOST_DIGITS:
         raise InputError(f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}...: no figure of a camera has so many")
@@ -120,9 +117,6 @@ def _whole_number(text: str) -> int:
 
 
 def _finite_number(text: str) -> float:
-    value = float(text)
-    return value if math.isfinite(value) else _no_number(text)
-
-
-def _no_number(text: str) -> float:
-    raise InputError(f"holds {shown(text)}, which is not a finite number")
+    if not math.isfinite(value := float(text)):
+        raise InputError(f"holds {shown(text)}, which is not a finite number")
+    return value

@@ -5,6 +5,7 @@ and filling bytes one at a time.
 """
 
 import re
+import struct
 from dataclasses import dataclass
 
 from .errors import InputError
@@ -12,7 +13,8 @@ from .limits import check_count, limit
 
 LOSSLESS = 0xC3
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
-_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # without Huffman tables, extensions, arithmetic conditioning
+# Without Huffman tables, extensions, arithmetic conditioning.
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _SCAN, _END = 0xDA, 0xD9
 _APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
@@ -42,7 +44,7 @@ class JpegHeader:
     applications: tuple[bytes, ...]
 
     def held(self, prefix: bytes) -> list[bytes]:
-        """What the segments that begin with `prefix` hold behind it."""
+        """Return the contents of the segments that begin with `prefix`, without it."""
         return [segment.removeprefix(prefix) for segment in self.applications if segment.startswith(prefix)]
 
     @property
@@ -64,7 +66,8 @@ def read_header(jpeg: bytes) -> JpegHeader:
 
     Raises InputError when it declares no size, and for more segments or filling than any JPEG has.
     """
-    place, frame, scans, segments, filling, marker, applications = 2, None, 0, 0, 0, 0, list[bytes]()
+    place, frame, applications = 2, None, list[bytes]()
+    scans = segments = filling = marker = 0
     while found := _MARKER.search(jpeg, place):
         segments += 1
         filling += 0 if scans else found.start() - place
@@ -84,6 +87,5 @@ def read_header(jpeg: bytes) -> JpegHeader:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
-    kind, size = frame
-    rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
-    return JpegHeader(kind, rows, columns, size[5], scans, size[0], marker == _END, tuple(applications))
+    bits, rows, columns, components = struct.unpack(">BHHB", frame[1])
+    return JpegHeader(frame[0], rows, columns, components, scans, bits, marker == _END, tuple(applications))

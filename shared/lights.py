@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from .arrays import DoubleArray
 from .colorimetry import BRADFORD, D50, D65_XY, Matrix, adaptation, as_rows, xyz
 from .errors import InputError
-from .figures import numbers, shown, tables
+from .figures import numbers, shown
 
 Chromaticity = tuple[float, float]  # CIE 1931 x, y
 
@@ -130,14 +130,6 @@ def check_apart(first: str, second: str) -> None:
         )
 
 
-def lights_from_json(given: Any) -> tuple[CalibratedLight, ...]:
-    """The lights in a JSON document. Raises InputError that names the field."""
-    wanted = {"illuminant", "camera_to_xyz", "neutral"}
-    if not isinstance(given, list | tuple) or not all(isinstance(each, dict) and set(each) == wanted for each in given):
-        raise InputError(f"calibration: lights is {shown(given)}, expected a list of objects with {', '.join(sorted(wanted))}")
-    return tuple(CalibratedLight(**each) for each in given)
-
-
 def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
     """A ColorMatrix scaled so that its largest reading of D50 is 1: DNG leaves the scale open, and Adobe's SDK does so."""
     return np.asarray(xyz_to_camera / np.abs(xyz_to_camera @ D50).max())
@@ -190,7 +182,7 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
 
 def checked_matrix(values: Any, channels: int) -> Matrix:
     """Check a matrix from channels to XYZ and return its rows; raises InputError."""
-    rows: Matrix = tables("calibration: camera_to_xyz", values, 2)
+    rows: Matrix = numbers("calibration: camera_to_xyz", values, depth=2)
     if len(rows) != 3 or any(len(row) != channels for row in rows):
         raise InputError(f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures")
     matrix = np.array(rows)

@@ -44,13 +44,16 @@ class Mosaic:
         self.pattern.grid((samples.shape[0], samples.shape[1]))
         self._check_calibration((samples.shape[0], samples.shape[1]))
         if samples.dtype == np.uint16:
-            kept = samples if is_frozen(samples) and samples.strides[1] == samples.itemsize else np.array(samples, order="C")
+            frozen = is_frozen(samples) and samples.strides[1] == samples.itemsize
+            kept = samples if frozen else np.array(samples, order="C")
             if int(kept.max()) >> self.calibration.bits:
                 raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
         elif np.issubdtype(samples.dtype, np.floating):
-            owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
-            kept = samples if owned and samples.dtype == np.float32 else np.array(samples, np.float32, order="C")
-            if not np.isfinite([kept.min(), kept.max()]).all():  # a NaN is the largest and the smallest of all
+            flags = samples.flags
+            frozen = flags.owndata and flags.c_contiguous and not flags.writeable and samples.dtype == np.float32
+            kept = samples if frozen else np.array(samples, np.float32, order="C")
+            # A NaN is the largest and the smallest of all.
+            if not np.isfinite([kept.min(), kept.max()]).all():
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
         else:
@@ -73,10 +76,13 @@ class Mosaic:
             return self.samples  # type: ignore[return-value]
         # There are few codes: look their values up. Double precision then costs nothing, and white reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
-        values = ((every - self.calibration.black_level) * self.calibration.scale()).astype(np.float32)
+        levels = (every - self.calibration.black_level) * self.calibration.scale()
+        values = levels.astype(np.float32)
         shading = self.calibration.shading
-        codes, signal, panchromatic = self.codes, np.empty(self.shape, np.float32), values[:, -1].copy()
-        for rows in strips(self.shape[0], max(1, CACHED // self.shape[1])):  # the look-up takes eight bytes per pixel
+        codes, signal = self.codes, np.empty(self.shape, np.float32)
+        panchromatic = values[:, -1].copy()
+        # The look-up takes eight bytes per pixel.
+        for rows in strips(self.shape[0], max(1, CACHED // self.shape[1])):
             panchromatic.take(codes[rows], out=signal[rows], mode="clip")  # no code is out of range
             if shading:
                 signal[rows] *= shading.of_plane(self.shape, -1, rows)
@@ -104,7 +110,7 @@ class Mosaic:
         return codes
 
     def calibrated(self, calibration: SensorCalibration) -> "Mosaic":
-        """The same samples with another calibration of as many bits, for which they need not be read again. Raises InputError."""
+        """Return these samples with another calibration; of as many bits they need not be checked again. Raises InputError."""
         if calibration.bits != self.calibration.bits:
             return replace(self, calibration=calibration)
         result = copy(self)
@@ -113,7 +119,7 @@ class Mosaic:
         return result
 
     def in_scene_units(self) -> "Mosaic":
-        """The same mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
+        """Return the mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
         return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
 
     def evenly_shaded(self) -> "Mosaic":
@@ -152,8 +158,9 @@ class Mosaic:
     def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
         """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
         calibration = self.calibration
+        per_unit = np.float32(1 / calibration.scale()[plane])
         with np.errstate(over="ignore"):  # what overflows is clipped to the highest code anyway
-            codes: FloatArray = self.samples[rows, columns] * np.float32(1 / calibration.scale()[plane])
+            codes: FloatArray = self.samples[rows, columns] * per_unit
         if calibration.shading is not None:
             codes /= calibration.shading.of_plane(self.shape, plane, rows, columns)
         codes += np.float32(calibration.black_level[plane])

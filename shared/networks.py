@@ -1,4 +1,4 @@
-"""Which network corrects the colour of a pattern. It is known here so that nobody loads the renderer, which has them, to ask."""
+"""The network that corrects the colour of a pattern. It is named here so that nobody loads the renderer to ask."""
 
 from functools import cache
 from pathlib import Path

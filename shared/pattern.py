@@ -9,12 +9,14 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
+from typing import Any
 
 import numpy as np
 
 from .arrays import BoolArray, ByteArray
 from .block_grid import BlockGrid
 from .errors import InputError
+from .figures import shown, whole
 from .spelling import meant
 from .tiles import EXPECTED, TILES, letters_of, name_of
 
@@ -57,10 +59,10 @@ class CfaPattern:
         if period not in PERIODS:
             raise InputError(f"pattern: the tile has {period} rows; the period must be {PERIODS[0]} to {PERIODS[-1]}")
         for row in self.tile:
-            if len(row) != period:
-                raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, expected {period}: tiles are square")
-            if not (row.isascii() and row.isalpha() and row.isupper()):
-                raise InputError(f"pattern: tile row {row!r} must consist of the letters A to Z")
+            if len(row) != period or not _LETTERS.fullmatch(row):
+                raise InputError(
+                    f"pattern: tile row {row!r} has {len(row)} letters, expected {period} of the letters A to Z: tiles are square"
+                )
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
         found = "".join(dict.fromkeys(letters))
         if PANCHROMATIC not in "".join(self.tile):
@@ -120,9 +122,28 @@ class CfaPattern:
             )
         return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
 
+    @classmethod
+    def from_json(cls, document: Any) -> "CfaPattern":
+        """Return the pattern in a JSON object with "tile", "origin" and "channels". Raises InputError for anything else.
+
+        >>> from shared import CfaPattern
+        >>> CfaPattern.from_json({"tile": ["RGW", "GBW", "WWW"]}) == CfaPattern.bayer(3)
+        True
+        """
+        try:
+            fields = {"origin": (0, 0), "channels": "", **document}
+            row, column = (whole("pattern: origin", value) for value in fields["origin"])
+            texts = [*fields["tile"], fields["channels"]]
+            are_texts = all(isinstance(text, str) for text in texts)
+            if fields.keys() != {"tile", "origin", "channels"} or not are_texts:
+                raise TypeError
+        except (TypeError, ValueError, KeyError):
+            raise InputError(f"pattern: {shown(document)} is not an object with tile, origin and channels") from None
+        return cls(tuple(fields["tile"]), (row, column), fields["channels"])
+
     @property
     def name(self) -> str:
-        """What people call the tile, wherever it begins: a name in `shared.tiles`; "" if it has none."""
+        """Name of the tile, wherever it begins, from `shared.tiles`; "" if it has none."""
         return name_of(self.tile)
 
     @property
@@ -137,21 +158,19 @@ class CfaPattern:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """Whether the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
+        """True if the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
         return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
 
     @cached_property
     def block_origin(self) -> tuple[int, int]:
         """Sensor (row, column) of the top left pixel of a block, each in 0..K-1."""
-        row, column = (0, 0) if self.is_scattered else (_span(self._occupied(axis))[0] for axis in (1, 0))
+        (row, _), (column, _) = self._spans
         return (row + self.origin[0]) % self.period, (column + self.origin[1]) % self.period
 
     @cached_property
     def block_shape(self) -> tuple[int, int]:
         """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a Bayer block."""
-        if self.is_scattered:
-            return self.period, self.period
-        rows, columns = (_span(self._occupied(axis))[1] for axis in (1, 0))
+        (_, rows), (_, columns) = self._spans
         return rows, columns
 
     @cached_property
@@ -207,13 +226,18 @@ class CfaPattern:
     def _colour(self) -> BoolArray:
         return self._tile_planes != len(self.channels)
 
+    @cached_property
+    def _spans(self) -> tuple[tuple[int, int], ...]:
+        """(first, number) of the rows, and of the columns, of a block in the tile."""
+        return tuple((0, self.period) if self.is_scattered else _span(self._occupied(axis)) for axis in (1, 0))
+
     def _occupied(self, axis: int) -> BoolArray:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
         return np.logical_or.reduce(self._colour, axis=axis)
 
     @property
     def _is_connected(self) -> bool:
-        """Whether the colour sites of a tile hang together, also diagonally and across the edge of the tile."""
+        """True if the colour sites of a tile are connected, also diagonally and across the edge of the tile."""
         reached = np.zeros_like(self._colour)
         reached[tuple(np.argwhere(self._colour)[0])] = True
         for _ in range(int(self._colour.sum())):  # each step reaches the neighbours
@@ -223,7 +247,8 @@ class CfaPattern:
     def _check_sites(self) -> None:
         period, tile = self.period, self._tile_planes
         for part in range(PERIODS[0], period):
-            if period % part == 0 and all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1)):
+            repeats = all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1))
+            if period % part == 0 and repeats:
                 smallest = "/".join(row[:part] for row in self.tile[:part])
                 raise InputError(f"pattern: the tile repeats every {part} pixels; give the smallest tile that repeats: {smallest}")
         far = self._colour & ~_spread(~self._colour, _FARTHEST)

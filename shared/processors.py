@@ -1,4 +1,4 @@
-"""How many processors there are for this process, and how many threads renders and previews are to use."""
+"""Number of processors that this process may use, and of threads that renders and previews are to use."""
 
 import math
 import os
@@ -36,7 +36,7 @@ class _Chosen(threading.local):
 
 
 chosen = _Chosen()
-"""What `use_threads` has set in this thread."""
+"""The number that `use_threads` has set in this thread."""
 
 
 def available_threads() -> int:

@@ -5,24 +5,22 @@ over the frame, so that it also serves frames with fewer, larger pixels of the s
 """
 
 import math
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import FloatArray
+from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
-from .figures import number, shown, tables
-
-Number = TypeVar("Number", bound=np.floating)
+from .figures import numbers, shown, size
 
 ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
-_LARGEST = 1e4  # control point: those beyond the edges, of which little is seen, may be far from the gain
+# Control points beyond the edges, of which little is seen, may be far from the gain.
+_LARGEST = 1e4
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
@@ -52,55 +50,27 @@ class Shading:
 
     def __post_init__(self) -> None:
         try:
-            points = np.array(tables("shading: gain", self.gain, 3), np.float64)
+            points = np.array(numbers("shading: gain", self.gain, depth=3), np.float64)
         except ValueError:  # rows of different lengths
             points = np.zeros(0)
-        if points.ndim != 3 or not all(count in _POINTS for count in points.shape[1:]):
+        if points.ndim != 3 or not all(count in _POINTS for count in points.shape[1:]) or np.abs(points).max() > _LARGEST:
             raise InputError(
-                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and columns of control points"
+                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and columns of control points "
+                f"of -{_LARGEST:g} to {_LARGEST:g}"
             )
-        if not np.abs(points).max() <= _LARGEST:  # not for NaN either
-            raise InputError(f"shading: gain holds a figure that is not -{_LARGEST:g} to {_LARGEST:g}")
         object.__setattr__(self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist()))
-        self._check_frame()
-        self._check_figure("residual")
-        seen = self.sketch
-        if not _GAINS[0] <= seen.min() <= seen.max() <= _GAINS[1]:
+        object.__setattr__(self, "size", size("shading: size", self.size))
+        focal_length: Any = 0 if self.focal_length is None else self.focal_length
+        for name, value in {"residual": self.residual, "focal_length": focal_length}.items():
+            if isinstance(value, bool) or not (isinstance(value, int | float) and 0 <= value < 1e6):
+                raise InputError(f"shading: {name} is {shown(value)}, expected 0 to a million")
+        least, most = self.sketch.min(), self.sketch.max()
+        middle = self.sketch[:, _SKETCH // 2, _SKETCH // 2]
+        if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(
-                f"shading: the gains are {seen.min():.3g} to {seen.max():.3g}, expected {_GAINS[0]:g} to {_GAINS[1]:g}"
+                f"shading: the gains are {least:.3g} to {most:.3g}, and {middle.tolist()} in the middle of the frame, expected "
+                f"{_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
             )
-        middle = seen[:, _SKETCH // 2, _SKETCH // 2]
-        if np.abs(middle - 1).max() > _MIDDLE:
-            raise InputError(f"shading: the gains in the middle of the frame are {middle.tolist()}, expected 1")
-
-    def _check_frame(self) -> None:
-        """Check `size` and `focal_length`, and make `size` a tuple. Raises InputError that names the field."""
-        sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
-        if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
-            raise InputError(f"shading: size is {shown(self.size)}, expected [rows, columns]")
-        object.__setattr__(self, "size", sides)
-        if self.focal_length is not None:
-            self._check_figure("focal_length")
-
-    def _check_figure(self, name: str) -> None:
-        value = number(f"shading: {name}", getattr(self, name))
-        if not 0 <= value < 1e6:
-            raise InputError(f"shading: {name} is {value:g}, expected 0 to a million")
-
-    def check_channels(self, channels: str) -> None:
-        """Raise InputError unless there is one map for each of these channels (letters), and one for panchromatic."""
-        if len(self.gain) != len(channels) + 1:
-            raise InputError(f"calibration: shading has {len(self.gain)} planes, expected {len(channels) + 1} ({channels}W)")
-
-    @classmethod
-    def from_json(cls, document: Any) -> "Shading":
-        """Return what a JSON object with this class's fields describes. Raises InputError that names the field."""
-        known = {each.name: each.default is MISSING for each in fields(cls)}
-        required = {name for name, needed in known.items() if needed}
-        if not isinstance(document, dict) or not required <= document.keys() <= known.keys():
-            *names, last = (f'"{name}"' for name in known)
-            raise InputError(f"calibration: shading is not an object with {', '.join(names)} and {last}")
-        return cls(**document)
 
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
@@ -111,11 +81,6 @@ class Shading:
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
                 f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such frames, into a camera file of its own"
             )
-
-    @property
-    def at_focal_length(self) -> str:
-        """Its focal length, for people; "" if it is unknown."""
-        return f" at {self.focal_length:g} mm" if self.focal_length else ""
 
     def zoomed(self, focal_length: float | None) -> str:
         """A note on a shot at this focal length, millimetres: "" unless this was measured at another one.
@@ -172,10 +137,11 @@ class Shading:
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).words
         '0.00 stops, 0.0 % between colours at 35 mm'
         """
-        return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{self.at_focal_length}"
+        lens = f" at {self.focal_length:g} mm" if self.focal_length else ""
+        return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{lens}"
 
 
-def spline_weights(t: NDArray[Number]) -> NDArray[Number]:
+def spline_weights(t: DoubleArray) -> DoubleArray:
     """Return the weights of the four control points of a uniform cubic B-spline around places 0 <= t < 1, (4, ...).
 
     The places lie between the second and the third control point.
@@ -185,12 +151,10 @@ def spline_weights(t: NDArray[Number]) -> NDArray[Number]:
     >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
     [1.0, 4.0, 1.0, 0.0]
     """
-    weights: NDArray[Number] = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3])
-    weights /= t.dtype.type(6)
-    return weights
+    return np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
 
 
-def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
+def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     """The weights of all control points at some places, float64 (places, points).
 
     length: of the frame along this axis, pixels.
@@ -209,13 +173,13 @@ def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.fl
     return full
 
 
-def _weights(length: int, points: int, part: slice) -> tuple[NDArray[np.intp], FloatArray]:
+def _weights(length: int, points: int, part: slice) -> tuple[IndexArray, FloatArray]:
     """For each pixel of a part of an axis the first of its four control points, and their weights, float32 (4, pixels)."""
     first, weights = _pieces((np.arange(length)[part] + 0.5) / length, points)
     return first, weights.astype(np.float32)
 
 
-def _pieces(place: NDArray[np.float64], points: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def _pieces(place: DoubleArray, points: int) -> tuple[IndexArray, DoubleArray]:
     """For each place, from 0 to 1 across the frame, the first of its four control points, and their weights, (4, places)."""
     along = place * (points - 3)
     first = np.clip(along.astype(np.intp), 0, points - 4)

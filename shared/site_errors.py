@@ -1,4 +1,4 @@
-"""How the errors of a picture hang together at the colour sites of a block: a model for the preview and for the render.
+"""Correlation of the errors of a picture at the colour sites of a block: a model for the preview and for the render.
 
 What a picture misses at a site (sample minus picture, in the channel of its filter) is known there. A stroke or an edge that passes
 through one site passes near the others, and is missed in all channels: so what is missed at the sites of a block says what the

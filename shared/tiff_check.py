@@ -61,13 +61,14 @@ def _directory(structure: Structure, place: int, read: Container[int] | None) ->
     held = 0
     for entry in entries:
         if read is None or entry.tag in read or entry.tag in _TREE:
-            things = "directories" if entry.tag in _TREE else "bytes" if entry.kind in BYTES else "numbers"
+            values = "bytes" if entry.kind in BYTES else "numbers"
+            things = "directories" if entry.tag in _TREE else values
             check_count(entry.length, things, f" in field {entry.tag}")
             held += min(structure.end, entry.size)
         if entry.tag in _TREE and entry.kind in _OFFSETS:
-            offsets = structure.values(entry)
+            offsets = structure.values(entry, entry.size)
             if len(offsets) < entry.size:
                 raise EOFError
             below += map(int, structure.numbers(entry.kind, offsets))
     # An offset beyond the end of the file is harmless: there is nothing to read.
-    return [each for each in below if each < structure.end], after, held
+    return [offset for offset in below if offset < structure.end], after, held

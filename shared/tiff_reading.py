@@ -6,7 +6,7 @@ Only what is asked for is read. Whatever is damaged counts as missing: these fie
 import struct
 from collections.abc import Set
 from contextlib import suppress
-from dataclasses import dataclass, field
+from io import SEEK_END
 from typing import IO, NamedTuple
 
 from .limits import limit
@@ -43,7 +43,7 @@ class Structure:
 
     def __init__(self, file: IO[bytes], place: int = 0) -> None:
         self._file, self._place = file, place
-        self.end = file.seek(0, 2) - place
+        self.end = file.seek(0, SEEK_END) - place
         header = self.read(0, 16)
         self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
         # Makers of cameras put numbers of their own where TIFF has 42.
@@ -54,14 +54,14 @@ class Structure:
         self.first: int = self._offset.unpack_from(header, 8 if big else 4)[0] if known else 0
 
     def read(self, offset: int, size: int) -> bytes:
-        """The bytes at an offset, as many as there are."""
+        """Return the bytes at an offset, as many as there are."""
         if not 0 <= offset < max(self.end, 1):
             return b""
         self._file.seek(self._place + offset)
         return self._file.read(size)
 
     def directory(self, offset: int) -> tuple[int, list[Entry], int]:
-        """The directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.
+        """Read the directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.
 
         No more fields are read than `limits` allow, and no more than the file has. Raises EOFError if it ends before the directory.
         """
@@ -71,62 +71,52 @@ class Structure:
         (count,), start = self._count.unpack(counted), offset + len(counted)
         table = self.read(start, min(count, limit("fields in a directory")) * size)
         after = self.read(start + count * size, self._offset.size)
-        entries = [Entry._make(each) for each in self._entry.iter_unpack(table[: len(table) // size * size])]
+        entries = [Entry._make(values) for values in self._entry.iter_unpack(table[: len(table) // size * size])]
         return count, entries, self._offset.unpack(after)[0] if len(after) == self._offset.size else 0
 
-    def values(self, entry: Entry, longest: int | None = None) -> bytes:
-        """The bytes of an entry's values, at most `longest`; none unless all of them are in the file."""
+    def values(self, entry: Entry, longest: int) -> bytes:
+        """Return the bytes of an entry's values, at most `longest`; none unless all of them are in the file."""
         if entry.size <= len(entry.value):
             return entry.value[: entry.size]
         (offset,) = self._offset.unpack(entry.value)
-        return (
-            self.read(offset, entry.size if longest is None else min(entry.size, longest))
-            if offset + entry.size <= self.end
-            else b""
-        )
+        return self.read(offset, min(entry.size, longest)) if offset + entry.size <= self.end else b""
 
     def numbers(self, kind: int, values: bytes) -> tuple[float, ...]:
-        """The numbers in the bytes of values; rational values are two each."""
+        """Return the numbers in the bytes of values; rational ones without value (denominator 0) are NaN."""
         letter = number_format(kind)
-        return struct.unpack(f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values)
+        numbers = struct.unpack(f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values)
+        if kind not in RATIOS:
+            return numbers
+        return tuple(over / under if under else float("nan") for over, under in zip(numbers[::2], numbers[1::2], strict=True))
 
 
-@dataclass(frozen=True)
-class StoredField:
+class StoredField(NamedTuple):
     """A field as it is in a file.
 
     kind: field type of TIFF.
-    values: bytes for BYTE, ASCII, SBYTE and UNDEFINED (of long ones the first 64 KiB), otherwise numbers; rational ones in pairs,
-        numerator and denominator in turn.
+    data: the values of BYTE, ASCII, SBYTE and UNDEFINED, of long ones the first 64 KiB.
+    numbers: the values of any other type.
     """
 
     kind: int
-    values: bytes | tuple[float, ...]
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Its values; those of rational numbers without value (denominator 0) are NaN."""
-        if self.kind not in RATIOS:
-            return tuple(self.values)
-        pairs = zip(self.values[::2], self.values[1::2], strict=True)
-        return tuple(over / under if under else float("nan") for over, under in pairs)
+    data: bytes = b""
+    numbers: tuple[float, ...] = ()
 
 
 StoredFields = dict[int, StoredField]
 
 
-@dataclass(frozen=True)
-class StoredDirectories:
+class StoredDirectories(NamedTuple):
     """The fields of the first directory of a file, of its Exif, GPS and interoperability directories, by tag."""
 
-    main: StoredFields = field(default_factory=dict)
-    exif: StoredFields = field(default_factory=dict)
-    gps: StoredFields = field(default_factory=dict)
-    interoperability: StoredFields = field(default_factory=dict)
+    main: StoredFields
+    exif: StoredFields
+    gps: StoredFields
+    interoperability: StoredFields
 
 
 def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> StoredDirectories:
-    """The wanted fields of a TIFF structure; nothing for anything else.
+    """Read the wanted fields of a TIFF structure; nothing of anything else.
 
     file: seekable; its position changes.
     wanted: tags that are read, in any directory.
@@ -134,28 +124,25 @@ def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> Store
     """
     structure = Structure(file, place)
     main = _directory(structure, structure.first, wanted | {_EXIF, _GPS})
-    exif = _directory(structure, _offset(main.pop(_EXIF, None)), wanted | {_INTEROPERABILITY})
-    gps = _directory(structure, _offset(main.pop(_GPS, None)), wanted)
-    return StoredDirectories(main, exif, gps, _directory(structure, _offset(exif.pop(_INTEROPERABILITY, None)), wanted))
+    exif = _directory(structure, _offset(main, _EXIF), wanted | {_INTEROPERABILITY})
+    below = (_directory(structure, _offset(fields, tag), wanted) for fields, tag in ((main, _GPS), (exif, _INTEROPERABILITY)))
+    return StoredDirectories(main, exif, *below)
 
 
 def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFields:
-    """The wanted fields of the directory at `offset`; 0 = there is none."""
-    found: StoredFields = {}
+    """Read the wanted fields of the directory at `offset`; 0 = there is none."""
+    fields: StoredFields = {}
     with suppress(EOFError):
         for entry in structure.directory(offset)[1] if offset else ():
-            if entry.tag in wanted and entry.tag not in found and (stored := _field(structure, entry)):
-                found[entry.tag] = stored
-    return found
+            values = structure.values(entry, _LONGEST) if entry.tag in wanted and entry.tag not in fields else b""
+            if values and entry.kind in BYTES:
+                fields[entry.tag] = StoredField(entry.kind, values)
+            elif values and entry.size <= _LONGEST:
+                fields[entry.tag] = StoredField(entry.kind, numbers=structure.numbers(entry.kind, values))
+    return fields
 
 
-def _field(structure: Structure, entry: Entry) -> StoredField | None:
-    values = structure.values(entry, _LONGEST)
-    if entry.kind in BYTES:
-        return StoredField(entry.kind, values) if values else None
-    return StoredField(entry.kind, structure.numbers(entry.kind, values)) if values and entry.size <= _LONGEST else None
-
-
-def _offset(field: StoredField | None) -> int:
-    value = field.numbers[0] if field and not isinstance(field.values, bytes) else 0
-    return int(value) if 0 < value < 2**63 else 0
+def _offset(fields: StoredFields, tag: int) -> int:
+    """Take the offset of a directory out of the fields; 0 if there is none."""
+    offset, *_ = fields.pop(tag, StoredField(0)).numbers or (0,)
+    return int(offset) if 0 < offset < 2**63 else 0

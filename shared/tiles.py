@@ -14,7 +14,7 @@ EXPECTED = (
     "the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW, or a name: "
     f"{', '.join(name.casefold() for name in TILES)}, or K=4 for the paper's block in 4 x 4 pixels"
 )
-"""What may stand for a tile, for messages."""
+"""Texts that may stand for a tile, for messages."""
 _PERIOD = re.compile(r"k=([0-9]{1,2})")
 # "Sparse Color Filter #1" of GenICam is Kodak's tile, which begins at this place; the letters are the first row from there on. PFNC
 # 2.4, section 3.1.9, numbers the cells of each (those of WGWR overlap there: its green ones are another's, by mistake).

@@ -20,7 +20,8 @@ Real = TypeVar("Real", FloatArray, DoubleArray)
 _MINKOWSKI = 6  # Finlayson and Trezzi, "Shades of Gray and Colour Constancy", CIC 2004
 _DARK, _BRIGHT = 0.02, 0.95  # colours between these are above the noise and below clipping
 _ENOUGH = 100  # well exposed colours that an estimate needs
-_MOST = 1 << 16  # blocks that are looked at: more make no better estimate, and a camera has no time for them
+# Blocks that are looked at: more make no better estimate, and a camera has no time for them.
+_MOST = 1 << 16
 
 
 def normalised(neutral: DoubleArray) -> tuple[float, ...]:
@@ -29,7 +30,7 @@ def normalised(neutral: DoubleArray) -> tuple[float, ...]:
 
 
 def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float, ...] | None:
-    """What white reads, estimated from linear colours by the shades-of-grey method; None if too few are well exposed.
+    """Estimate what white reads from linear colours by the shades-of-grey method; None if too few are well exposed.
 
     colours: (..., C), scene units.
     full_scale: reading at which a channel clips, scene units.
@@ -38,7 +39,8 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
     is 2 to 6 degrees; for the plain mean (grey world) it is 4 to 8.
     """
     colours = colours.reshape(-1, colours.shape[-1])
-    planes = np.ascontiguousarray(colours.T)  # many times faster to compare than channels that lie side by side
+    # Planes are many times faster to compare than channels that lie side by side.
+    planes = np.ascontiguousarray(colours.T)
     fit = (planes.max(axis=0) < _BRIGHT * full_scale) & (planes.mean(axis=0) > _DARK)
     usable = colours[fit].astype(np.float64, order="C")  # the order in which the mean adds
     if len(usable) < _ENOUGH:
@@ -48,7 +50,7 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
 
 
 def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
-    """What white reads in a mosaic, largest channel 1, estimated from its colour blocks; None if it is too dark or too bright.
+    """Estimate what white reads in a mosaic, largest channel 1, from its colour blocks; None if it is too dark or too bright.
 
     The same for every number of threads and every way of cutting the work into pieces: it sees the whole frame.
     """
@@ -62,14 +64,17 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     blocks = np.zeros((len(pattern.channels), len(tops), len(lefts)), np.float32)
     for row, column, channel in pattern.sites:
         rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
-        blocks[channel] += mosaic.samples[rows, lefts[0] + column :: pattern.period][:, : len(lefts)]
+        columns = slice(lefts[0] + column, lefts[-1] + column + 1, pattern.period)
+        blocks[channel] += mosaic.samples[rows, columns]
     blocks /= np.bincount([channel for *_, channel in pattern.sites])[:, None, None]
     if mosaic.samples.dtype == np.uint16:
         blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]
         blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
         if calibration.shading is not None:
-            seen = slice(tops[0], tops[-1] + 1, every * pattern.period), slice(lefts[0], lefts[-1] + 1, pattern.period)
-            blocks *= np.stack([calibration.shading.of_plane(mosaic.shape, channel, *seen) for channel in range(len(blocks))])
+            rows = slice(tops[0], tops[-1] + 1, every * pattern.period)
+            columns = slice(lefts[0], lefts[-1] + 1, pattern.period)
+            for channel in range(len(blocks)):
+                blocks[channel] *= calibration.shading.of_plane(mosaic.shape, channel, rows, columns)
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
     medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))
@@ -77,7 +82,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
 
 
 def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
-    """How far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
+    """Return the degree to which each reading is clipped: 0 up to (1 - shoulder) * clipping, 1 from the limit `clipping` on."""
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
@@ -93,7 +98,8 @@ def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: tuple[
     """
     white = np.array(neutral, readings.dtype)
     all_gone = gone.prod(axis=-1, keepdims=True)
-    level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True) + all_gone * clipping / white.min()
+    level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True)
+    level += all_gone * clipping / white.min()
     level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
     return readings + gone * np.maximum(white * level - readings, 0)
 

@@ -42,7 +42,7 @@ def write_durably(
 
 @contextmanager
 def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnComplete | None = None) -> Iterator[BinaryIO]:
-    """A temporary file for the new content of `path`, in a `with` block; it becomes `path` when the block ends without an error.
+    """Open a temporary file for the new content of `path`, in a `with` block; it becomes `path` when that ends without an error.
 
     The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the folder is fsynced: at any moment
     `path` is absent, old or new, never a part. An error in the block removes the temporary file; `sweep` removes those of killed
@@ -146,20 +146,17 @@ def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
 
 
 def _open_regular(path: str, flags: int) -> int:
+    stranger = OSError(
+        errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it"
+    )
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV):
-            raise _stranger(path) from None
-        raise
+        raise (stranger if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV) else error) from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise _stranger(path)
+        raise stranger
     return descriptor
-
-
-def _stranger(path: str) -> OSError:
-    return OSError(errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it")
 
 
 def sweep(folder: Path | str) -> int:
@@ -203,14 +200,10 @@ def _locked(part: Path) -> _Part:
     """Create and open the temporary file; it is locked while it is open."""
     while True:
         file = _Part(part, "x")
-        try:
-            with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
-                fcntl.flock(file, fcntl.LOCK_EX)
-            if os.fstat(file.fileno()).st_nlink:
-                return file
-        except BaseException:
-            file.close()
-            raise
+        with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
+            fcntl.flock(file, fcntl.LOCK_EX)
+        if os.fstat(file.fileno()).st_nlink:
+            return file
         file.close()  # another process removed it before it was locked
 
 
@@ -259,29 +252,25 @@ def _move(part: Path, path: Path, overwrite: bool) -> None:
 
 
 def dangling_link(path: Path) -> str:
-    """What to say of a link that leads nowhere, in the place of a result."""
+    """Return what to say of a link that leads nowhere, in the place of a result."""
     return f"is a link to {path.readlink()}, which is not there; remove the link"
 
 
+_REASONS = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "the disk is full; free some space or choose another folder"),
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "no permission to write in {folder}; choose another folder"),
+    errno.EFBIG: "is larger than the file system or a limit of the system allows; choose another folder",
+    errno.ENOENT: "the folder {folder} does not exist; create it first: mkdir -p {quoted}",
+    errno.ENOTDIR: "{folder} is not a folder",
+    errno.EISDIR: "is a folder",
+    errno.ENAMETOOLONG: "the file name is too long",
+}
+
+
 def reason(error: OSError, path: Path) -> str:
-    """Why a file cannot be written, and what to do."""
-    match error.errno:
-        case errno.ENOSPC | errno.EDQUOT:
-            return "the disk is full; free some space or choose another folder"
-        case errno.EFBIG:
-            return "is larger than the file system or a limit of the system allows; choose another folder"
-        case errno.EACCES | errno.EPERM | errno.EROFS:
-            return f"no permission to write in {path.parent}; choose another folder"
-        case errno.ENOENT:
-            return f"the folder {path.parent} does not exist; create it first: mkdir -p {shlex.quote(str(path.parent))}"
-        case errno.ENOTDIR:
-            return f"{path.parent} is not a folder"
-        case errno.EISDIR:
-            return "is a folder"
-        case errno.ENAMETOOLONG:
-            return "the file name is too long"
+    """Say why a file cannot be written, and what to do."""
     if isinstance(error, FileExistsError):
-        if path.is_symlink() and not path.exists():
-            return dangling_link(path)
-        return "exists already; use `overwrite=True` to replace it"
-    return f"cannot be written ({error.strerror or error})"
+        missing = path.is_symlink() and not path.exists()
+        return dangling_link(path) if missing else "exists already; use `overwrite=True` to replace it"
+    text = _REASONS.get(error.errno or 0, f"cannot be written ({error.strerror or error})")
+    return text.replace("{folder}", str(path.parent)).replace("{quoted}", shlex.quote(str(path.parent)))

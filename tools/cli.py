@@ -32,11 +32,22 @@ VERBS = {
     "render": "make the full-quality pictures of shots",
     "burst": "merge a series of one scene into one picture, with less noise and more colour",
     "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
-    "design": "find the tile of filters that suits a sensor: its light, what matters, and what can be built",
-    "export-preview": "write the graph that makes a camera's previews",
     "doctor": "check the installation, and say how to repair it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
+
+
+GONE = {
+    "design": "panchroma evaluate SCENE ... --pattern TILE ... compares tiles; offline/README.md, Which tile?, has the figures",
+    "export-preview": "panchroma preview SHOT --export FILE.onnx",
+    "--report": "panchroma burst --json says what became of each frame",
+    "--show": "the page shows the squares where methods differ most",
+    "--uncertainty": "how far a pixel may be off is no longer stated",
+    "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
+    "--edges": "a sparse-colour sensor hardly sees lateral chromatic aberration",
+    "--no-chart": "gamma is measured from a chart",
+}
+"""Verbs and options of earlier versions -> what to use instead, or why they are not needed."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -226,6 +237,8 @@ def _check_verb(arguments: list[str]) -> None:
     word = arguments[0] if arguments else ""
     if word in VERBS or (word.startswith("-") and any(each.startswith(word) for each in ("-h", *_ALONE))):
         return
+    if word in GONE:
+        _parser(None)[0].error(f"there is no verb {word} any more: {GONE[word]}")
     from shared.spelling import closest
 
     later = next((each for each in arguments if each in VERBS), None)
@@ -243,6 +256,8 @@ def _check_verb(arguments: list[str]) -> None:
 def _unknown_option(option: str, known: Iterable[str]) -> str:
     from shared.spelling import meant  # not at the top: it imports NumPy
 
+    if option in GONE:
+        return f"there is no option {option} any more: {GONE[option]}"
     return f"there is no option {option}{meant(option, known)}"
 
 

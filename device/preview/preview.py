@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shared import processors
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import SensorCalibration
-from shared.display import ColourTransform
+from shared.display import display_white
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
@@ -181,8 +181,8 @@ def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
     """Display white, and the matrix from camera RGB relative to white -> linear sRGB. Unknown colours become grey."""
     try:
-        transform = ColourTransform.to_space(calibration)
+        white, matrix = display_white(calibration)
     except InputError:
         white = np.full(len(calibration.channels), calibration.full_scale)
         return white, np.tile(np.array(calibration.gamma), (3, 1))
-    return np.array(transform.white), np.array(transform.matrix) * transform.white
+    return white, matrix * white

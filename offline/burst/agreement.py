@@ -18,11 +18,11 @@ from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 
 from ..blocks import Sites
 from ..numerics.gaussian import gaussian, smoothed
 from .frames import CLIPPED, DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame, View
+from .motion import Motion
 
 # Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said, and
 # photographs (constants benchmark) by 0.05. What each finds: tests/offline/burst/test_agreement.py.

@@ -14,10 +14,10 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.motion import Motion
 
 from ..numerics.gaussian import smoothed
 from .frames import DEVIATIONS, TINY, View, displaced
+from .motion import Motion
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
 _BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture

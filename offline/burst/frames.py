@@ -9,7 +9,6 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
@@ -20,6 +19,7 @@ from ..stages.highlights import clipping_level
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
 from .merging import displace
+from .motion import Motion
 
 # Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are compared. Chosen: they tell which
 # frames are sharp.

@@ -5,12 +5,10 @@ It is kept on a grid of half pixels. The start is the mean of the interpolated f
 grid misses of the samples is added around them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise,
 nothing is changed, so that noise stays averaged and detail gets sharp.
 
-Where the points of one frame of a burst lie in another: `shared.motion.Motion` inside kernels.
+Where the points of one frame of a burst lie in another: `offline.burst.Motion` inside kernels.
 """
 
 import numpy as np
-
-from shared.motion import ROUNDS
 
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Doubles3, Floats2, Floats3, Floats4, Ints2, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel
@@ -18,6 +16,7 @@ from ..numerics.functions import tile_at, zeros
 from ..numerics.gaussian import gaussian, smooth_rows
 from ..numerics.interpolation import interpolated
 from ..numerics.pieces import tiles
+from .motion import ROUNDS
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it
 _ITERATIONS = 4  # rounds; chosen

@@ -15,7 +15,6 @@ from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
@@ -28,6 +27,7 @@ from ..units import check_frames
 from .colour import ColourSamples, Spreading, alone_of, relit_sites
 from .frames import as_arrays, displaced
 from .merging import merge
+from .motion import Motion
 from .selection import Comparison, Judged, Kept, compared, copies
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from shared.arrays import BoolArray, ByteArray, FloatArray
 from shared.errors import InputError
 from shared.mosaic import Mosaic
-from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
@@ -19,6 +18,7 @@ from ..stages.luminance import recover_luminance
 from .agreement import BlockColours, agreement, agreement_of, block_colours, colour_change, on_pixels, unclipped
 from .alignment import align
 from .frames import TINY, Frame, View, displaced, noise_models, prepared, tile_means
+from .motion import Motion
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame

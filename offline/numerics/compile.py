@@ -132,8 +132,8 @@ def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
 def _numba_type(annotation: Any) -> Any:
     """Numba's type of an argument: an int, a float, one of `arrays`, or a tuple or named tuple of such."""
     if hasattr(annotation, "_fields"):
-        hints = get_type_hints(annotation, include_extras=True).values()
-        return types.BaseTuple.from_types(tuple(map(_numba_type, hints)), annotation)
+        fields = get_type_hints(annotation, include_extras=True).values()
+        return types.BaseTuple.from_types(tuple(map(_numba_type, fields)), annotation)
     if get_origin(annotation) is Annotated:
         return annotation.__metadata__[0]
     if get_origin(annotation) is tuple:

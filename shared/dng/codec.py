@@ -1,7 +1,7 @@
 """Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import IO, Literal
+from typing import IO
 
 import imagecodecs
 import numpy as np
@@ -11,36 +11,34 @@ from ..calibration import SensorCalibration
 from ..errors import ForeignFileError, InputError
 from ..jpeg_check import read_header
 from ..mosaic import Mosaic
-from ..pattern import PANCHROMATIC, CfaPattern
+from ..pattern import CfaPattern
 from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields, has_colours
 from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
-from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
-
-Layout = Literal["auto", "cfa", "linear"]
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, TAG, Photometric
 
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
-_WRITER = (Tag.UNIQUE_CAMERA_MODEL, Tag.MAKE, Tag.SOFTWARE)  # any of them names us in a file of ours
+_WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])  # any of them names us in a file of ours
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
 
 
-def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
+def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
 
     mosaic: its `codes` are saved.
     preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers show it as the photograph.
-    layout: "cfa" states the true filter pattern; "linear" saves the same samples as a grey photograph, for raw developers that take
-        any pattern for a Bayer one; "auto" is "cfa" where DNG can express the pattern.
-    Raises InputError when `layout` cannot hold the pattern, for another kind of preview, and for a side of more than 65500 pixels.
+    Where DNG cannot express the pattern the samples are stored as one grey plane.
+    Raises InputError for another kind of preview, and for a side of more than 65500 pixels.
     """
     pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
-    photometric = _photometric(pattern, layout)
+    stated = has_colours(pattern.channels) and pattern.period <= LONGEST_CFA_PERIOD
+    photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
         compressed = pool.submit(raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric)
         digest = raw_digest(codes)
@@ -54,8 +52,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
         main.fields.update(colour_fields(*known))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, record_id(record).encode()
+    main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, record_id(record).encode()
     return encode_tiff(main)
 
 
@@ -73,17 +71,19 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
 
 
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
-    stored = dng.stored(Tag.DNG_PRIVATE_DATA)
+    stored = dng.stored(TAG["DNGPrivateData"])
     if not is_record(stored):
         raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
     record = decode_record(stored)
-    _check_cfa(dng, record.pattern)
+    letters, cfa = record.pattern.letters_from(), dng.cfa()
+    if cfa not in (None, letters):
+        raise damaged(f"CFAPattern says {' '.join(cfa or ())}, the record in DNGPrivateData says {' '.join(letters)}")
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
     if samples.shape != record.shape:
         rows, columns = record.shape
         raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
-    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
+    if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
         raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
     _check_identity(dng, record.id)
     return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
@@ -97,13 +97,13 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     InputError for any other file and a damaged one.
     """
     with opened(data) as dng:
-        recorded = is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
+        recorded = is_record(dng.stored(TAG["DNGPrivateData"]))
         if not (recorded or any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER)):
             raise ForeignFileError("not a DNG of Panchroma: it has no digest that could be checked")
         if not recorded and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
             _check_digest(dng, samples)
-            _check_identity(dng, picture_id(samples.shape, dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)))
+            _check_identity(dng, picture_id(samples.shape, dng.stored(TAG["NewRawImageDigest"])))
         elif not recorded:
             raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
         else:
@@ -118,7 +118,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
 
 def _check_identity(dng: DngReader, identity: str) -> None:
     """Raise InputError if the file states another identity."""
-    if dng.stored(Tag.RAW_DATA_UNIQUE_ID) != identity.encode():
+    if dng.stored(TAG["RawDataUniqueID"]) != identity.encode():
         raise damaged("its parts are not all from the same file (RawDataUniqueID)")
 
 
@@ -134,7 +134,7 @@ def _check_preview(jpeg: bytes, pixels: int) -> None:
 
 
 def _check_digest(dng: DngReader, samples: CodeArray) -> None:
-    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST) != raw_digest(samples):
+    if dng.stored(TAG["NewRawImageDigest"]) != raw_digest(samples):
         raise damaged("the samples differ from those that were written (NewRawImageDigest)")
 
 
@@ -144,69 +144,36 @@ def decode_preview(data: bytes | IO[bytes]) -> bytes:
         return dng.preview()
 
 
-def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
-    obstacle = ""
-    if not has_colours(pattern.channels):
-        obstacle = (
-            f"DNG has no colour codes for the channels {pattern.channels}, only for panchromatic and three of "
-            f"{''.join(CFA_CODES).replace(PANCHROMATIC, '')}, none of which is a mixture of the others"
-        )
-    elif pattern.period > LONGEST_CFA_PERIOD:
-        obstacle = f"the period is {pattern.period}; DNG readers accept at most {LONGEST_CFA_PERIOD}"
-    if layout not in ("auto", "cfa", "linear"):
-        raise InputError(f'unknown layout {layout!r}; one of "auto", "cfa", "linear"')
-    if layout == "cfa" and obstacle:
-        raise InputError(f'the layout "cfa" cannot hold this pattern: {obstacle}; use "auto" or "linear"')
-    return Photometric.LINEAR_RAW if obstacle or layout == "linear" else Photometric.CFA
-
-
 def _cfa(pattern: CfaPattern) -> Fields:
     tile = "".join(pattern.letters_from())  # from the first sample on: DNG knows no origin
     return {
-        Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [pattern.period] * 2),
-        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
-        Tag.CFA_PLANE_COLOR: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
-        Tag.CFA_LAYOUT: (FieldType.SHORT, [_RECTANGULAR]),
+        TAG["CFARepeatPatternDim"]: (FieldType.SHORT, [pattern.period] * 2),
+        TAG["CFAPattern"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
+        TAG["CFAPlaneColor"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
+        TAG["CFALayout"]: (FieldType.SHORT, [_RECTANGULAR]),
     }
-
-
-def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
-    """Raise InputError when the CFA tags and the private record state different patterns."""
-    cfa = dng.cfa()
-    if cfa is None:
-        return
-    letters = {code: letter for letter, code in CFA_CODES.items()}
-    shown = ["".join(letters.get(code, "?") for code in row) for row in cfa]
-    if tuple(shown) != pattern.letters_from():
-        raise damaged(f"CFAPattern says {' '.join(shown)}, the record in DNGPrivateData says {' '.join(pattern.letters_from())}")
 
 
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
     """Fields of the levels. The black level is stated for each pixel of a period if the planes differ, otherwise once."""
+    levels = np.array(calibration.black_level)
     if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
-        levels = np.array([[calibration.black_level[-1]]])  # the panchromatic plane's: most pixels belong to it
+        levels = levels[-1:, None]  # the panchromatic plane's: most pixels belong to it
     else:
-        levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
-    whole = not (levels % 1).any()
+        levels = levels[pattern.filter_map((pattern.period, pattern.period))]
+    kind, number = (FieldType.RATIONAL, float) if (levels % 1).any() else (FieldType.SHORT, int)
     return {
-        Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, list(levels.shape)),
-        Tag.BLACK_LEVEL: (
-            FieldType.SHORT if whole else FieldType.RATIONAL,
-            levels.astype(int if whole else float).ravel().tolist(),
-        ),
-        Tag.WHITE_LEVEL: (FieldType.SHORT, [calibration.white_level]),
+        TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, list(levels.shape)),
+        TAG["BlackLevel"]: (kind, levels.astype(number).ravel().tolist()),
+        TAG["WhiteLevel"]: (FieldType.SHORT, [calibration.white_level]),
     }
 
 
 def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     """Field NoiseProfile, in which samples are x = signal / full_scale: S = shot / full_scale, O = (read / full_scale)**2."""
-    if calibration.noise is None:
+    noise, full = calibration.noise, calibration.full_scale
+    if noise is None:
         return {}
-    full = calibration.full_scale
-    planes = [
-        (max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2)
-        for shot, read in zip(calibration.noise.shot, calibration.noise.read, strict=True)
-    ]
-    if photometric is Photometric.LINEAR_RAW:
-        planes = planes[-1:]  # the file has one plane, nearly all of it panchromatic
-    return {Tag.NOISE_PROFILE: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}
+    planes = [(max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2) for shot, read in zip(noise.shot, noise.read, strict=True)]
+    first = -1 if photometric is Photometric.LINEAR_RAW else 0  # a grey file has one plane, nearly all of it panchromatic
+    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, [figure for plane in planes[first:] for figure in plane])}

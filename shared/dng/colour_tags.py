@@ -7,22 +7,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
-from ..errors import InputError
 from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
-from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, Light, Tag
+from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
 
 _MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
-"""What a filter reads, from red, green and blue: the nominal one, and all that DNG has codes for."""
+"""Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
 _TAGS = (
-    (Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1, Tag.ILLUMINANT_DATA_1),
-    (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2, Tag.ILLUMINANT_DATA_2),
+    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"], TAG["IlluminantData1"]),
+    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"], TAG["IlluminantData2"]),
 )
 _PARTS = 1_000_000  # denominator of chromaticities
 
 
 def has_colours(channels: str) -> bool:
-    """Whether DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
+    """Return True if DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
 
     With more, or with two, beside the panchromatic plane readers of DNG find no way from camera to colours.
     """
@@ -49,41 +48,32 @@ def colour_fields(
     panchromatic: the 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the weighted sum.
     channels: letters of the channels, for which `has_colours` is true.
     lights: of a file whose light its reader may choose; None = one light, and all programs show the same colours.
-    Raises InputError when the matrix cannot be inverted, or the neutral is not three positive numbers.
     """
-    seen = None if neutral is None else np.asarray(neutral, np.float64)
-    if seen is not None and not (seen.shape == (3,) and np.isfinite(seen).all() and seen.min() > 0):
-        raise InputError(f"the neutral is {neutral!r}, expected three positive readings")
+    white = None if neutral is None else np.asarray(neutral, np.float64)
     if camera_to_xyz is None:
         # Adapted to the neutral; otherwise a converter would take the light of the shot for coloured.
-        nominal = np.array(SRGB_TO_XYZ)
-        if channels != "RGB":
-            nominal = nominal @ np.linalg.inv([_MIXTURES[letter] for letter in channels])
-        camera_to_xyz = nominal if seen is None else nominal / seen * seen.max()
-    matrix = np.asarray(camera_to_xyz, np.float64)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or np.linalg.matrix_rank(matrix) < 3:
-        raise InputError(f"camera_to_xyz is {camera_to_xyz!r}, expected a 3 x 3 matrix with an inverse")
-    to_camera = np.linalg.inv(matrix)
-    if seen is None:
-        seen = to_camera @ D50
-    to_camera, seen = _planes(to_camera, panchromatic), _planes(np.asarray(seen), panchromatic)
+        nominal = np.array(SRGB_TO_XYZ) @ np.linalg.inv([_MIXTURES[letter] for letter in channels])
+        camera_to_xyz = nominal if white is None else nominal / white * white.max()
+    to_camera = np.linalg.inv(np.asarray(camera_to_xyz, np.float64))
+    white = _planes(to_camera @ D50 if white is None else white, panchromatic)
+    to_camera = _planes(to_camera, panchromatic)
     from_d65 = adaptation(xyz(*D65_XY))
     fields: Fields = {
-        Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
-        Tag.COLOR_MATRIX_2: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
-        Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [Light.D50]),
-        Tag.CALIBRATION_ILLUMINANT_2: (FieldType.SHORT, [Light.D65]),
+        TAG["ColorMatrix1"]: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
+        TAG["ColorMatrix2"]: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
+        TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
+        TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
-        Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, _to_one(seen, seen).clip(1e-6).tolist()),
+        TAG["AsShotNeutral"]: (FieldType.RATIONAL, _to_one(white, white).clip(1e-6).tolist()),
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
-        known = light.illuminant in Light.__members__
+        known = light.illuminant in LIGHTS
         fields[color_matrix] = FieldType.SRATIONAL, to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist()
-        fields[illuminant] = FieldType.SHORT, [Light[light.illuminant] if known else Light.OTHER]
+        fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
         if not known:
             x, y = (round(each * _PARTS) for each in light.white)
             fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _PARTS, y, _PARTS)
-            fields[Tag.DNG_VERSION] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
+            fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
     return fields
 
 

@@ -11,14 +11,15 @@ from ..arrays import ByteArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
-from .exif import metadata_directory, resolution_fields
-from .exif_reading import printable
+from .exif import metadata_directory, printable, resolution_fields
 from .lossless_jpeg import encode_lossless
-from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, MAKER, PREVIEW_SRGB, Compression, Photometric, Tag
+from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometric
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
 DIGEST_TILE = 256
 _CHUNKY, _CENTRED = 1, 1
+_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
+_PREVIEW_SRGB = 2  # PreviewColorSpace
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
     '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="" '
@@ -37,7 +38,7 @@ def main_directory(preview: ByteArray, metadata: CaptureMetadata, camera: str, r
     Raises InputError for another kind of preview.
     """
     picture = np.ascontiguousarray(preview)
-    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
+    if picture.dtype != np.uint8 or picture.shape[2:] != (3,) or not picture.size:
         raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
     check_sides(picture.shape)
     main = metadata_directory(metadata)
@@ -45,27 +46,24 @@ def main_directory(preview: ByteArray, metadata: CaptureMetadata, camera: str, r
     # the source's name is in the XMP, which none of them looks into for that.
     named = camera.encode("ascii", "replace").decode()
     if metadata.make or metadata.model:
-        main.fields[Tag.XMP] = FieldType.BYTE, _xmp(metadata)
-    main.fields |= {Tag.MAKE: (FieldType.ASCII, MAKER), Tag.MODEL: (FieldType.ASCII, named)}
+        main.fields[TAG["XMP"]] = FieldType.BYTE, _xmp(metadata)
+    main.fields |= {TAG["Make"]: (FieldType.ASCII, MAKER), TAG["Model"]: (FieldType.ASCII, named)}
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
     main.strips = [bytes(imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420"))]
-    main.fields.update(picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
-    main.fields.update(resolution_fields())
-    main.fields.update(
-        {
-            Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1]),
-            Tag.YCBCR_SUBSAMPLING: (FieldType.SHORT, [2, 2]),
-            Tag.YCBCR_POSITIONING: (FieldType.SHORT, [_CENTRED]),
-            Tag.REFERENCE_BLACK_WHITE: (FieldType.RATIONAL, [0, 255, 128, 255, 128, 255]),
-            Tag.PREVIEW_COLOR_SPACE: (FieldType.LONG, [PREVIEW_SRGB]),
-            Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
-            Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
-            # The only text that DNG requires to be ASCII; converters look up camera profiles by it.
-            Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, named),
-            Tag.NEW_RAW_IMAGE_DIGEST: (FieldType.BYTE, digest),
-        }
-    )
-    main.children[Tag.SUB_IFDS] = raw
+    main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | resolution_fields()
+    main.fields |= {
+        TAG["NewSubfileType"]: (FieldType.LONG, [1]),
+        TAG["YCbCrSubSampling"]: (FieldType.SHORT, [2, 2]),
+        TAG["YCbCrPositioning"]: (FieldType.SHORT, [_CENTRED]),
+        TAG["ReferenceBlackWhite"]: (FieldType.RATIONAL, [0, 255, 128, 255, 128, 255]),
+        TAG["PreviewColorSpace"]: (FieldType.LONG, [_PREVIEW_SRGB]),
+        TAG["DNGVersion"]: (FieldType.BYTE, DNG_VERSION),
+        TAG["DNGBackwardVersion"]: (FieldType.BYTE, _BACKWARD_VERSION),
+        # The only text that DNG requires to be ASCII; converters look up camera profiles by it.
+        TAG["UniqueCameraModel"]: (FieldType.ASCII, named),
+        TAG["NewRawImageDigest"]: (FieldType.BYTE, digest),
+    }
+    main.children[TAG["SubIFDs"]] = raw
     return main
 
 
@@ -79,7 +77,8 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     """
     check_sides(samples.shape)
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
-    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[encode_lossless(samples, bits)])
+    fields[TAG["NewSubfileType"]] = FieldType.LONG, [0]
+    return Directory(fields, strips=[encode_lossless(samples, bits)])
 
 
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:
@@ -92,13 +91,13 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
 
 def tile_digests(samples: NDArray[np.uint16]) -> bytes:
     """The MD5s that `raw_digest` joins; those of parts of a picture, each `DIGEST_TILE` rows but the last, follow each other."""
-    planes = np.moveaxis(samples[..., None] if samples.ndim == 2 else samples, -1, 0).astype("<u2", copy=False)
+    planes = samples[None] if samples.ndim == 2 else np.moveaxis(samples, -1, 0)
     rows, columns = planes.shape[1:]
     digests = bytearray()
     for top in range(0, rows, DIGEST_TILE):
         for left in range(0, columns, DIGEST_TILE):
             tile = planes[:, top : top + DIGEST_TILE, left : left + DIGEST_TILE]
-            digests += hashlib.md5(tile.tobytes(), usedforsecurity=False).digest()
+            digests += hashlib.md5(tile.astype("<u2", copy=False).tobytes(), usedforsecurity=False).digest()
     return bytes(digests)
 
 
@@ -123,14 +122,14 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
     """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per sample."""
     planes = shape[2] if len(shape) == 3 else 1
     return {
-        Tag.IMAGE_WIDTH: (FieldType.LONG, [shape[1]]),
-        Tag.IMAGE_LENGTH: (FieldType.LONG, [shape[0]]),
-        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [bits] * planes),
-        Tag.COMPRESSION: (FieldType.SHORT, [compression]),
-        Tag.PHOTOMETRIC: (FieldType.SHORT, [photometric]),
-        Tag.SAMPLES_PER_PIXEL: (FieldType.SHORT, [planes]),
-        Tag.ROWS_PER_STRIP: (FieldType.LONG, [shape[0]]),
-        Tag.PLANAR_CONFIG: (FieldType.SHORT, [_CHUNKY]),
+        TAG["ImageWidth"]: (FieldType.LONG, [shape[1]]),
+        TAG["ImageLength"]: (FieldType.LONG, [shape[0]]),
+        TAG["BitsPerSample"]: (FieldType.SHORT, [bits] * planes),
+        TAG["Compression"]: (FieldType.SHORT, [compression]),
+        TAG["PhotometricInterpretation"]: (FieldType.SHORT, [photometric]),
+        TAG["SamplesPerPixel"]: (FieldType.SHORT, [planes]),
+        TAG["RowsPerStrip"]: (FieldType.LONG, [shape[0]]),
+        TAG["PlanarConfiguration"]: (FieldType.SHORT, [_CHUNKY]),
     }
 
 

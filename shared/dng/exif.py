@@ -1,8 +1,23 @@
-"""Convert capture metadata to TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them."""
+"""Capture metadata as TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them.
 
+Other programs write and edit these fields, and what they hold goes into every result. So texts that are read lose control
+characters and length, and an invalid field counts as missing; it is never an error.
+"""
+
+import html
+import math
+import re
+import unicodedata
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from typing import IO, Any
+
+from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
-from .tags import MAKER, GpsTag, Tag
+from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
+from .tags import GPS, MAKER, TAG
 
 LARGEST_SHORT = 65535
 _INCH = 2  # ResolutionUnit
@@ -11,14 +26,26 @@ _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 _GPS_VERSION = bytes([2, 3, 0, 0])
 # Field of CaptureMetadata -> tag of its text in the first directory.
 TEXTS = {
-    "make": Tag.MAKE,
-    "model": Tag.MODEL,
-    "artist": Tag.ARTIST,
-    "copyright": Tag.COPYRIGHT,
-    "description": Tag.IMAGE_DESCRIPTION,
+    "make": TAG["Make"],
+    "model": TAG["Model"],
+    "artist": TAG["Artist"],
+    "copyright": TAG["Copyright"],
+    "description": TAG["ImageDescription"],
 }
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-NUMBERS = {"exposure_time": Tag.EXPOSURE_TIME, "f_number": Tag.F_NUMBER, "focal_length": Tag.FOCAL_LENGTH}
+NUMBERS = {"exposure_time": TAG["ExposureTime"], "f_number": TAG["FNumber"], "focal_length": TAG["FocalLength"]}
+_TIME = "%Y:%m:%d %H:%M:%S"
+_LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
+_CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
+_JOINERS = "\u200c\u200d"  # the only format characters that names need
+_XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
+
+_OTHERS = (
+    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime DateTimeOriginal SubsecTimeOriginal "
+    "OffsetTimeOriginal XMP UniqueCameraModel"
+)
+WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *map(TAG.__getitem__, _OTHERS.split()), *range(7)})  # 0 to 6: GPS
+"""The tags that `metadata_from` looks at."""
 
 
 def metadata_directory(metadata: CaptureMetadata) -> Directory:
@@ -26,54 +53,158 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
 
     Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers. Unknown metadata have no field.
     """
-    main = Directory({Tag.ORIENTATION: (FieldType.SHORT, [metadata.orientation]), Tag.SOFTWARE: (FieldType.ASCII, MAKER)})
-    exif = Directory({Tag.EXIF_VERSION: (FieldType.UNDEFINED, b"0232")})
+    main = Directory({TAG["Orientation"]: (FieldType.SHORT, [metadata.orientation]), TAG["Software"]: (FieldType.ASCII, MAKER)})
+    exif = Directory({TAG["ExifVersion"]: (FieldType.UNDEFINED, b"0232")})
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
             main.fields[tag] = FieldType.ASCII, text
     if metadata.lens:
-        exif.fields[Tag.LENS_MODEL] = FieldType.ASCII, metadata.lens
+        exif.fields[TAG["LensModel"]] = FieldType.ASCII, metadata.lens
     for name, tag in NUMBERS.items():
         if (number := getattr(metadata, name)) is not None:
             exif.fields[tag] = FieldType.RATIONAL, [number]
     if metadata.iso is not None:
-        exif.fields[Tag.ISO_SPEED_RATINGS] = FieldType.SHORT, [min(metadata.iso, LARGEST_SHORT)]
+        exif.fields[TAG["ISOSpeedRatings"]] = FieldType.SHORT, [min(metadata.iso, LARGEST_SHORT)]
         if metadata.iso >= LARGEST_SHORT:  # Exif 2.3, Annex G
-            exif.fields[Tag.SENSITIVITY_TYPE] = FieldType.SHORT, [_ISO_SPEED_ALONE]
-            exif.fields[Tag.ISO_SPEED] = FieldType.LONG, [metadata.iso]
+            exif.fields[TAG["SensitivityType"]] = FieldType.SHORT, [_ISO_SPEED_ALONE]
+            exif.fields[TAG["ISOSpeed"]] = FieldType.LONG, [metadata.iso]
     if metadata.taken is not None:
         # isoformat, because strftime("%Y") does not fill up the year 987 on every system.
         seconds = metadata.taken.replace(tzinfo=None).isoformat(" ", "seconds").replace("-", ":")
-        main.fields[Tag.DATE_TIME] = FieldType.ASCII, seconds
-        exif.fields[Tag.DATE_TIME_ORIGINAL] = FieldType.ASCII, seconds
+        main.fields[TAG["DateTime"]] = FieldType.ASCII, seconds
+        exif.fields[TAG["DateTimeOriginal"]] = FieldType.ASCII, seconds
         if metadata.taken.microsecond:
-            exif.fields[Tag.SUB_SEC_TIME_ORIGINAL] = FieldType.ASCII, f"{metadata.taken.microsecond:06}".rstrip("0")
+            exif.fields[TAG["SubsecTimeOriginal"]] = FieldType.ASCII, f"{metadata.taken.microsecond:06}".rstrip("0")
     if metadata.zone:
-        exif.fields[Tag.OFFSET_TIME_ORIGINAL] = FieldType.ASCII, metadata.zone
-    main.children[Tag.EXIF_IFD] = exif
+        exif.fields[TAG["OffsetTimeOriginal"]] = FieldType.ASCII, metadata.zone
+    main.children[TAG["ExifTag"]] = exif
     if gps := _gps_fields(metadata):
-        main.children[Tag.GPS_IFD] = Directory({GpsTag.VERSION: (FieldType.BYTE, _GPS_VERSION), **gps})
+        main.children[TAG["GPSTag"]] = Directory({GPS["GPSVersionID"]: (FieldType.BYTE, _GPS_VERSION), **gps})
     return main
 
 
 def _gps_fields(metadata: CaptureMetadata) -> Fields:
     """Return the fields of place and altitude, as far as they are known."""
     fields: Fields = {}
-    for tag, letters, angle in zip((GpsTag.LATITUDE, GpsTag.LONGITUDE), ("NS", "EW"), metadata.place or (), strict=False):
+    for tag, letters, angle in zip((GPS["GPSLatitude"], GPS["GPSLongitude"]), ("NS", "EW"), metadata.place or (), strict=False):
         minutes, seconds = divmod(abs(angle) * 3600, 60)
         degrees, minutes = divmod(minutes, 60)
         fields[tag - 1] = FieldType.ASCII, letters[angle < 0]
         fields[tag] = FieldType.RATIONAL, [degrees, minutes, round(seconds, 5)]  # to a millimetre
     if metadata.altitude is not None:
-        fields[GpsTag.ALTITUDE_REF] = FieldType.BYTE, bytes([metadata.altitude < 0])
-        fields[GpsTag.ALTITUDE] = FieldType.RATIONAL, [abs(metadata.altitude)]
+        fields[GPS["GPSAltitudeRef"]] = FieldType.BYTE, bytes([metadata.altitude < 0])
+        fields[GPS["GPSAltitude"]] = FieldType.RATIONAL, [abs(metadata.altitude)]
     return fields
 
 
 def resolution_fields() -> Fields:
     """Fields of the resolution, which TIFF and Exif require: 72 pixels per inch, as Exif prescribes if it is unknown."""
     return {
-        Tag.X_RESOLUTION: (FieldType.RATIONAL, [72]),
-        Tag.Y_RESOLUTION: (FieldType.RATIONAL, [72]),
-        Tag.RESOLUTION_UNIT: (FieldType.SHORT, [_INCH]),
+        TAG["XResolution"]: (FieldType.RATIONAL, [72]),
+        TAG["YResolution"]: (FieldType.RATIONAL, [72]),
+        TAG["ResolutionUnit"]: (FieldType.SHORT, [_INCH]),
     }
+
+
+def read_metadata(file: IO[bytes]) -> CaptureMetadata:
+    """The capture metadata in a TIFF structure; nothing is known of any other file."""
+    return metadata_from(read_directories(file, WANTED))
+
+
+def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
+    """Return the capture metadata in the fields of a file; read with `WANTED` or more."""
+    # TIFF/EP, and so DNG, has Exif's fields in the first directory too.
+    main, exif = stored.main, stored.main | stored.exif
+    iso = _number(exif, TAG["ISOSpeedRatings"])
+    if iso == LARGEST_SHORT:
+        iso = _number(exif, TAG["ISOSpeed"]) or iso
+    taken = _time(exif, TAG["DateTimeOriginal"], TAG["SubsecTimeOriginal"])
+    values: dict[str, Any] = {
+        **{name: text(main, tag) for name, tag in TEXTS.items()},
+        **{name: _number(exif, tag) for name, tag in NUMBERS.items()},
+        "lens": text(exif, TAG["LensModel"]),
+        "taken": taken or _time(exif, TAG["DateTime"], TAG["SubsecTime"]),
+        "zone": text(exif, TAG["OffsetTimeOriginal"]) or text(exif, TAG["OffsetTime"]),
+        "place": _place(stored.gps),
+        "altitude": _altitude(stored.gps),
+        "iso": None if iso is None else round(iso),
+        "orientation": int(_number(main, TAG["Orientation"]) or 1),
+    }
+    if text(main, TAG["UniqueCameraModel"]).startswith(MAKER):
+        # In a DNG of ours the camera is ours, unless somebody has edited it. The source is in the XMP: see `main_directory`.
+        ours = (name for name in ("make", "model") if values[name].startswith(MAKER))
+        values |= {name: _xmp_text(main, name.capitalize()) for name in ours}
+    metadata = CaptureMetadata()
+    for name, value in values.items():
+        with suppress(InputError):
+            metadata = replace(metadata, **{name: value})
+    return metadata
+
+
+def text(fields: StoredFields, tag: int) -> str:
+    """Return the printable text of a field of bytes; "" if it has none. Longer texts are cut off at 4096 bytes of UTF-8."""
+    data = fields.get(tag, StoredField(0)).data
+    if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
+        data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
+    # A NUL parts the photographer from the editor in Copyright, and ends every text.
+    parts = (printable(_decoded(part)) for part in data.split(b"\0"))
+    return "; ".join(filter(None, parts)).encode()[:_LONGEST].decode(errors="ignore")
+
+
+def printable(value: str) -> str:
+    """Return the text without what does harm on a terminal or in XML: control, format and private characters, lone surrogates."""
+    kinds = ((letter, unicodedata.category(letter)) for letter in value)
+    kept = (" " if kind in ("Cc", "Zl", "Zp") else letter if letter in _JOINERS or kind[0] != "C" else "" for letter, kind in kinds)
+    return "".join(kept).strip()
+
+
+def _decoded(data: bytes) -> str:
+    """Decode a text: Exif prescribes ASCII; programs write UTF-8, and old ones what Windows had."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
+def _number(fields: StoredFields, tag: int) -> float | None:
+    """Return the first number of a field if it is positive and finite."""
+    number, *_ = fields.get(tag, StoredField(0)).numbers or (math.nan,)
+    return number if math.isfinite(number) and number > 0 else None
+
+
+def _time(fields: StoredFields, tag: int, decimals: int) -> datetime | None:
+    """Return date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is not one."""
+    try:
+        taken = datetime.strptime(text(fields, tag)[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
+    except ValueError:
+        return None
+    digits = text(fields, decimals)
+    return taken.replace(microsecond=int(f"{digits:0<6}"[:6])) if digits.isdecimal() and digits.isascii() else taken
+
+
+def _xmp_text(fields: StoredFields, name: str) -> str:
+    match = re.search(_XMP_TEXT % name.encode(), fields.get(TAG["XMP"], StoredField(0)).data)
+    stated = b"".join(filter(None, match.groups())) if match else b""
+    return printable(html.unescape(stated.decode(errors="replace")))[:_LONGEST]
+
+
+def _place(gps: StoredFields) -> tuple[float, float] | None:
+    """Return latitude and longitude in degrees; None unless both are whole, for half a position is a wrong one."""
+    angles = []
+    for tag, letters in ((GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")):
+        reference, field = text(gps, tag - 1), gps.get(tag)
+        if field is None or field.kind != FieldType.RATIONAL or len(field.numbers) != 3 or reference not in tuple(letters):
+            return None
+        degrees, *parts = field.numbers
+        minutes, seconds = (0 if math.isnan(part) else part for part in parts)  # some write 0/0 for what they do not state
+        angle = round(degrees + minutes / 60 + seconds / 3600, 8)  # to a millimetre
+        angles.append(-angle if reference == letters[1] else angle)
+    return angles[0], angles[1]
+
+
+def _altitude(gps: StoredFields) -> float | None:
+    """Return the metres above the sea; None unless it is clear whether they are above or below."""
+    field, below = gps.get(GPS["GPSAltitude"]), gps.get(GPS["GPSAltitudeRef"], StoredField(0, b"\0")).data
+    if field is None or field.kind != FieldType.RATIONAL or below not in (b"\0", b"\1"):
+        return None
+    return -field.numbers[0] if below == b"\1" else field.numbers[0]

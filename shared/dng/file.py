@@ -9,22 +9,21 @@ from ..errors import InputError
 from ..mosaic import Mosaic
 from ..reading import MAX_PIXELS, opened_file
 from ..writing import write_durably
-from .codec import Layout, decode_dng, decode_preview, encode_dng, verify
+from .codec import decode_dng, decode_preview, encode_dng, verify
 
 _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
 
 
-def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: Layout = "auto", overwrite: bool = False) -> None:
+def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False) -> None:
     """Save a mosaic with its preview picture as a DNG, atomically and durably.
 
     path: the file to write.
     mosaic: the shot; its `codes` are saved.
     preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
-    layout: "auto", "cfa" or "linear"; see `encode_dng`.
     overwrite: replace an existing file.
-    Raises InputError when the mosaic does not fit the layout. Raises OutputError when the file exists and `overwrite` is False, and
-    when it cannot be written.
+    Raises InputError for another kind of preview and for a side of more than 65500 pixels, and OutputError when the file exists and
+    `overwrite` is False, or cannot be written.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
@@ -34,7 +33,7 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: L
     True
     """
     with _naming(path):
-        data = encode_dng(mosaic, preview, layout)
+        data = encode_dng(mosaic, preview)
     write_durably(path, data, overwrite=overwrite)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import SEEK_END, BytesIO
 from itertools import product
-from typing import IO, Any
+from typing import IO
 
 import imagecodecs
 import numpy as np
@@ -19,15 +19,16 @@ from ..errors import InputError, PanchromaError
 from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
 from ..tiff_check import PLAIN, check_directories
-from .exif_reading import read_metadata
-from .tags import Compression, Photometric, Tag
+from .exif import read_metadata
+from .tags import CFA_CODES, TAG, Compression, Photometric
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
-_MOST_BYTES, _SMALL = 4, 1 << 20  # bytes per sample (lossless JPEG needs three at worst), and bytes that are always harmless
+_MOST_BYTES = 4  # per sample: lossless JPEG needs three at worst
+_SMALL = 1 << 20  # bytes that are always harmless
 _LARGEST_PREVIEW = 256 << 20
 
 
@@ -66,10 +67,6 @@ class DngReader:
         self._size = stream.seek(0, SEEK_END)
         self._main = file.pages.first
 
-    def value(self, tag: int) -> Any:
-        """Value of a tag in the first directory, as tifffile parses it; None when there is none."""
-        return self._main.tags.valueof(tag)
-
     def metadata(self) -> CaptureMetadata:
         """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
         return read_metadata(self._stream)
@@ -81,7 +78,8 @@ class DngReader:
     def preview(self) -> bytes:
         """The JPEG of the first directory, unchanged."""
         page = self._main
-        if self._check_segments(page) <= _LARGEST_PREVIEW and page.compression == Compression.JPEG and len(page.dataoffsets) == 1:
+        whole = page.compression == Compression.JPEG and len(page.dataoffsets) == 1
+        if self._check_segments(page) <= _LARGEST_PREVIEW and whole:
             (jpeg,) = self._segments(page)
             if jpeg.startswith(_JPEG_START):
                 return jpeg
@@ -94,25 +92,26 @@ class DngReader:
                 return page
         raise damaged("the file has no raw picture")
 
-    def cfa(self) -> tuple[tuple[int, ...], ...] | None:
-        """The CFA codes of one period, row by row; None if the mosaic is stored as a grey picture (LinearRaw)."""
+    def cfa(self) -> tuple[str, ...] | None:
+        """Return the letters of one period of the CFA by rows, "?" for unknown ones; None if the mosaic is grey (LinearRaw)."""
         page = self.raw()
-        match page.photometric:
-            case Photometric.LINEAR_RAW:
-                return None
-            case Photometric.CFA:
-                rows, columns = page.tags.valueof(Tag.CFA_REPEAT_PATTERN_DIM)
-                codes = self._stored(page, Tag.CFA_PATTERN)
-                if len(codes) != rows * columns:
-                    raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
-                return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))
-        raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
+        if page.photometric == Photometric.LINEAR_RAW:
+            return None
+        if page.photometric != Photometric.CFA:
+            raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
+        rows, columns = page.tags.valueof(TAG["CFARepeatPatternDim"])
+        codes = self._stored(page, TAG["CFAPattern"])
+        if len(codes) != rows * columns:
+            raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
+        letters = {code: letter for letter, code in CFA_CODES.items()}
+        tile = "".join(letters.get(code, "?") for code in codes)
+        return tuple(tile[start : start + columns] for start in range(0, len(tile), columns))
 
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
         """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked before anything is decoded."""
         page = self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
-        if len(page.shape) < 2 or page.shape[2:] != depth or kind is None or kind.kind != "u" or kind.itemsize > 2:
+        if len(page.shape) < 2 or page.shape[2:] != depth or kind not in (np.uint8, np.uint16):
             raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
@@ -122,10 +121,11 @@ class DngReader:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
             raise InputError(f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; export it again so")
-        bits = 1 if page.compression == Compression.JPEG else page.bitspersample  # a Huffman code has at least one bit
+        compressed = page.compression == Compression.JPEG
+        bits = 1 if compressed else page.bitspersample  # a Huffman code has at least one bit
         if held * 8 < rows * columns * planes * bits:
             raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
-        samples = self._decoded(page) if page.compression == Compression.JPEG else page.asarray(maxworkers=1)
+        samples = self._decoded(page) if compressed else page.asarray(maxworkers=1)
         samples = np.ascontiguousarray(samples, np.uint16)
         samples.flags.writeable = False  # so that a mosaic need not copy them
         return samples
@@ -143,7 +143,8 @@ class DngReader:
             frame = read_header(segment)
             if frame.kind != LOSSLESS:
                 raise damaged("the raw samples are not a lossless JPEG")
-            frame.check(8 * len(segment) // max(1, frame.components))  # a sample has at least one bit
+            # A sample has at least one bit.
+            frame.check(8 * len(segment) // max(1, frame.components))
             room = samples[top : top + tall, left : left + wide]
             decoded = imagecodecs.jpeg8_decode(segment)
             if decoded.shape == samples.shape and decoded.dtype == np.uint16:  # it is all of them
@@ -154,9 +155,9 @@ class DngReader:
 
     def _check_segments(self, page: TiffPage) -> int:
         """Total bytes of all strips or tiles, which must lie inside the file and cannot hold more than it does."""
-        ends = [offset + size for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
+        ends = map(sum, zip(page.dataoffsets, page.databytecounts, strict=True))
         held = sum(page.databytecounts)
-        if max(ends, default=0) > self._size or held > self._size:
+        if max(held, *ends) > self._size:
             raise damaged(f"the file ends before its samples do, after {self._size} bytes")
         return held
 

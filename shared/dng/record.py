@@ -5,19 +5,19 @@ The record names the samples it belongs to, by their size and digest. So neither
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..calibration import OPTIONAL, SensorCalibration
 from ..errors import InputError
-from ..figures import parsed_json
-from ..figures import whole as whole_number
+from ..figures import parsed_json, size
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
+_ODD = ValueError, AttributeError, KeyError, TypeError  # of a document of another form; ValueError: no UTF-8
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 
@@ -53,12 +53,14 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "shape": mosaic.shape,
         "samples": samples.hex(),
         "preview": preview_digest(preview),
-        "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
-        **{name: calibration.pop(name) for name in OPTIONAL if name in calibration},  # they stand beside the calibration
+        "pattern": {**asdict(pattern), "period": pattern.period},
+        # They stand beside the calibration.
+        **{name: calibration.pop(name) for name in OPTIONAL if name in calibration},
         "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
     }
-    return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode(errors="backslashreplace")
+    document["digest"] = _digest(document)
+    return RECORD_ID + json.dumps(document, ensure_ascii=False).encode(errors="backslashreplace")
 
 
 def record_id(record: bytes) -> str:
@@ -67,38 +69,32 @@ def record_id(record: bytes) -> str:
 
 
 def is_record(data: bytes) -> bool:
-    """Whether DNGPrivateData was written by `encode_record`."""
+    """Return True if DNGPrivateData was written by `encode_record`."""
     return data.startswith(RECORD_ID)
 
 
 def decode_record(data: bytes) -> Record:
     """The content of a record. Raises InputError when it has changed, or a newer Panchroma wrote it."""
+    changed = damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
     try:
         document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
-        whole = digest == _digest(document)
-    except (InputError, ValueError, AttributeError, KeyError, TypeError):  # ValueError: text that is no UTF-8
-        whole = False
-    if not whole:
-        raise _changed()
+        if digest != _digest(document):
+            raise changed
+    except (InputError, *_ODD):
+        raise changed from None
     if (schema := document.get("schema")) != SCHEMA:
         raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
     try:
-        given = document["pattern"]
-        row, column = (whole_number("origin", place) for place in given["origin"])
-        pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
-        known = {**document["calibration"], **{name: document[name] for name in document.keys() & OPTIONAL}}
-        rows, columns = (whole_number("shape", length) for length in document["shape"])
-        samples, preview = document["samples"], document["preview"]
-        if not (isinstance(samples, str) and isinstance(preview, str)):
+        document["pattern"].pop("period", None)
+        pattern = CfaPattern.from_json(document["pattern"])
+        calibration = document["calibration"] | {name: document[name] for name in document.keys() & OPTIONAL}
+        shape, digests = size("shape", document["shape"]), (document["samples"], document["preview"])
+        if not all(isinstance(text, str) for text in digests):
             raise TypeError
-    except (ValueError, AttributeError, KeyError, TypeError):  # the digest is right, but no version of ours wrote this
-        raise _changed() from None
-    return Record(pattern, SensorCalibration.from_json(known), digest, (rows, columns), samples, preview)
-
-
-def _changed() -> InputError:
-    return damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
+    except _ODD:  # the digest is right, but no version of ours wrote this
+        raise changed from None
+    return Record(pattern, SensorCalibration.from_json(calibration), digest, shape, *digests)
 
 
 def preview_digest(jpeg: bytes) -> str:

@@ -59,7 +59,7 @@ def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArra
         with suppress(InputError):
             found = align(views[0], view)
             seconds = time.process_time() - begin
-            error = alignment_error([found.motion], [replace(frame.motion, local=local)], mosaics[0].shape)
+            error = alignment_error([found.motion], [Motion(*frame.motion, local)], mosaics[0].shape)
             figures.append((error, found.error, seconds))
     return figures
 
@@ -84,7 +84,7 @@ def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[Simul
     y, x = np.indices(shape).astype(np.float32)
     shifted = [frames[0]]
     for frame in frames[1:]:
-        back = np.stack(replace(frame.motion, local=local).back(y, x, shape))
+        back = np.stack(Motion(*frame.motion, local).back(y, x, shape))
         planes = [map_coordinates(plane, back, order=5, mode="mirror") for plane in np.moveaxis(rgb, -1, 0)]
         shifted.append(replace(frame, rgb=np.stack(planes, axis=-1).astype(np.float32)))
     return shifted

@@ -82,7 +82,7 @@ class Series:
         return cls(
             source.stem,
             [frame.rgb for frame in frames],
-            [frame.motion for frame in frames],
+            [Motion(*frame.motion) for frame in frames],
             [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in STEPS],
             scene.neutral,
         )

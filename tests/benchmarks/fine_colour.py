@@ -13,9 +13,9 @@ import numpy as np
 from offline import BEST, PAPER, render
 from shared import Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.display import ColourTransform
 from tests.benchmarks.harness import PATTERN, options
 from tools.camera.sensor import simulate_additive, simulate_sensor
+from tools.pictures.display import ColourTransform
 from tools.pictures.samples import quantise
 from tools.scenes.drawn.builtin import builtin_scene
 

@@ -18,7 +18,7 @@ import numpy as np
 from offline import RenderSettings, render
 from shared import Mosaic, SensorCalibration, Shading
 from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
+from shared.colorimetry import SRGB_TO_XYZ
 from tests.benchmarks.harness import PATTERN, SEED, Corners, compare, photographed
 from tests.tools.calibration.known_camera import stating
 from tools.calibration.shading import measure_shading
@@ -26,6 +26,7 @@ from tools.camera.lens import lens_shading
 from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.metrics import patch_psnr
 from tools.pictures.colour_difference import delta_e_2000
+from tools.scenes.colour import xyz_to_lab
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out

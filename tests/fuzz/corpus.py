@@ -64,7 +64,7 @@ def _shots() -> list[Sample]:
     patterns = [CfaPattern.bayer(6), CfaPattern.bayer(9), CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3)), CfaPattern.bayer(4)]
     patterns.append(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)))
     files = [encode_dng(mosaic(pattern), preview(24, 32)) for pattern in patterns]
-    files.append(encode_dng(mosaic(shape=(64, 48)), preview(24, 32), "linear"))
+    files.append(encode_dng(mosaic(CfaPattern.bayer(9), (64, 48)), preview(24, 32)))
     return [Sample("DNG", ".dng", data, _read_shot, sealed=True) for data in files]
 
 

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 
 from device.capture import Sensor
-from device.capture.checks.frame_check import checked
+from device.capture.frame_check import checked
 from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.errors import InputError

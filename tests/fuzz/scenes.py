@@ -184,7 +184,7 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
             cameras = CameraPair(protocol, 0, case.scene, case.pattern, None, channels=channels)
             picture = methods()["best"].render(cameras)
             found = Measures.of(picture, case.scene, case.pattern.channels)
-            return [picture, np.array([*found.quality]), np.array([*found.psnr, found.ssim, found.wrong_hue or 0.0]), found.errors]
+            return [picture, np.array([*found.quality]), np.array([*found.psnr, found.wrong_hue or 0.0]), found.errors]
         case preset:
             made = render(shot, PRESETS[preset])
             return [made.rgb, made.luminance, made.chromaticity]

@@ -18,9 +18,9 @@ from offline import BEST, PAPER, render
 from offline.version import ALGORITHM
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from tests.scenes import leaves
 from tools.camera.sensor import simulate_additive
+from tools.pictures.display import ColourTransform
 
 PRESETS = {"paper": PAPER, "best": BEST}
 _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))

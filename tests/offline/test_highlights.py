@@ -11,9 +11,9 @@ from offline import BEST, PAPER, render
 from offline.stages.highlights import clipping_level, replace_dark, restore_highlights, shown_at_sites, unclipped, unmeasured
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tools.camera.sensor import simulate_sensor
+from tools.pictures.display import ColourTransform
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0

@@ -17,6 +17,7 @@ CALIBRATION = SensorCalibration(
     defects=((1, 2),),
     sensor="bench",
 )
+TILE = {"tile": ["RGW", "GBW", "WWW"]}
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
 
 
@@ -29,25 +30,21 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(CAMERA.to_json()))
     assert read_camera(path) == CAMERA
-
-
-def test_a_calibration_by_hand_is_a_camera_file_too() -> None:
-    assert Camera.from_json({"schema": 1, "gamma": [1, 2, 3]}).calibration.gamma == (1.0, 2.0, 3.0)
-
-
-def test_calibration_remembers_the_file() -> None:
     assert CAMERA.calibration.camera == CALIBRATION.id
     assert replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
+    assert Camera.from_json({"schema": 1, "gamma": [1, 2, 3]}).calibration.gamma == (1.0, 2.0, 3.0)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"pattern": 7}, "pattern is 7"),
-        ({"pattern": {"tile": 3}}, "pattern.tile"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0]}}, "pattern.origin"),
-        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "size": 1}}, "unknown field 'size'"),
+        ({"pattern": 7}, "pattern: 7 is not an object with tile, origin and channels"),
+        ({"pattern": {"tile": 3}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {**TILE, "origin": [0]}}, "pattern: .* is not an object with tile"),
+        ({"pattern": {**TILE, "origin": [0, 0.5]}}, "origin is 0.5, expected a whole number"),
+        ({"pattern": {**TILE, "size": 1}}, "pattern: .* is not an object with tile"),
         ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "XYZ.*RGB"),
+        ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
         ({"measured": []}, "measured"),
         ({"measured": {"taste": {}}}, "unknown part 'taste'"),
         ({"measured": {"gamma": 1}}, "measured.gamma"),
@@ -71,32 +68,26 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         read_camera(tmp_path / "torn.json")
 
 
-def test_another_camera_is_refused_and_both_are_named() -> None:
-    with pytest.raises(InputError, match=r"'other'.*'bench'"):
-        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), sensor="other"))
-    with pytest.raises(InputError, match=r"period 8.*period 6"):
-        CAMERA.calibrated(mosaic(CfaPattern.bayer(8)))
-    with pytest.raises(InputError, match=r"BGWWWW.*RGWWWW"):
-        CAMERA.calibrated(mosaic(CfaPattern.bayer(6, "BGGR")))
-    with pytest.raises(InputError, match=r"16 bits.*12"):
-        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), white_level=60000))
-    with pytest.raises(InputError, match=r"10 bits.*12"):
-        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), white_level=1000))
+@pytest.mark.parametrize(
+    ("pattern", "changes", "words"),
+    [
+        (CfaPattern.bayer(6), {"sensor": "other"}, "'other'.*'bench'"),
+        (CfaPattern.bayer(8), {}, "period 8.*period 6"),
+        (CfaPattern.bayer(6, "BGGR"), {}, "BGWWWW.*RGWWWW"),
+        (CfaPattern.bayer(6), {"white_level": 60000}, "16 bits.*12"),
+        (CfaPattern.bayer(6), {"white_level": 1000}, "10 bits.*12"),
+    ],
+)
+def test_another_camera_is_refused_and_both_are_named(pattern: CfaPattern, changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        CAMERA.calibrated(mosaic(pattern, **changes))
 
 
 def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
-    seen = CAMERA.calibrated(mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7))).calibration
-    assert seen.gamma == CALIBRATION.gamma
-    assert seen.black_level == CALIBRATION.black_level
-    assert seen.noise == CALIBRATION.noise
-    assert seen.neutral == (0.5, 1.0, 0.7)
-    coloured = Camera(replace(CALIBRATION, neutral=(0.6, 1.0, 0.6)), CAMERA.pattern)
-    assert coloured.calibrated(mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7))).calibration.neutral == (0.6, 1.0, 0.6)
-
-
-def test_defects_of_the_shot_stay_unless_the_camera_has_its_own() -> None:
-    shot = mosaic(CfaPattern.bayer(6), defects=((3, 4),))
-    nothing = replace(CALIBRATION, defects=())
-    assert Camera(nothing, CAMERA.pattern).calibrated(shot).calibration.defects == ((3, 4),)
-    assert Camera(nothing, CAMERA.pattern, {"defects": {"frames": 10}}).calibrated(shot).calibration.defects == ()
-    assert CAMERA.calibrated(shot).calibration.defects == ((1, 2),)
+    shot = mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7), defects=((3, 4),))
+    expected = replace(CAMERA.calibration, neutral=(0.5, 1.0, 0.7))
+    assert CAMERA.calibrated(shot).calibration == expected
+    coloured = replace(CALIBRATION, neutral=(0.6, 1.0, 0.6), defects=())
+    for measured, defects in ({}, ((3, 4),)), ({"defects": {"frames": 10}}, ()):
+        known = Camera(coloured, CAMERA.pattern, measured).calibrated(shot).calibration
+        assert (known.neutral, known.defects) == ((0.6, 1.0, 0.6), defects)

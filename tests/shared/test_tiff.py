@@ -44,7 +44,8 @@ def test_values_come_back(kind: FieldType, values: Any) -> None:
 
 @pytest.mark.parametrize("text", ["", "abc", "abcd", "Käthe 山田", "one\0two"])
 def test_texts_are_utf_8_and_end_with_their_only_nul(text: str) -> None:
-    data, shown = encode_tiff(Directory({_ASCII_TAG: (FieldType.ASCII, text)})), text.replace("\0", "")
+    data = encode_tiff(Directory({_ASCII_TAG: (FieldType.ASCII, text)}))
+    shown = text.replace("\0", "")
     assert shown.encode() + b"\0" in data
     with TiffFile(io.BytesIO(data)) as file:
         tag = file.pages.first.tags[_ASCII_TAG]
@@ -52,47 +53,38 @@ def test_texts_are_utf_8_and_end_with_their_only_nul(text: str) -> None:
         assert tag.value == shown
 
 
-@pytest.mark.parametrize(
-    ("number", "fraction"),
-    [
-        (1 / 250, (1, 250)),  # as a photographer writes it, not 0.004's neighbours
-        (34.56, (864, 25)),
-        (5, (5, 1)),
-        (2**31 - 1, (2**31 - 1, 1)),
-    ],
-)
-def test_fractions_are_the_simplest_that_read_back(number: float, fraction: tuple[int, int]) -> None:
-    assert value(FieldType.RATIONAL, [number]) == fraction
-    assert value(FieldType.SRATIONAL, [-number]) == (-fraction[0], fraction[1])
+def test_fractions_are_the_simplest_that_read_back() -> None:
+    """1/250 is written as photographers write it, not as 0.004's neighbours."""
+    fractions = {1 / 250: (1, 250), 34.56: (864, 25), 5: (5, 1), 2**31 - 1: (2**31 - 1, 1)}
+    for number, fraction in fractions.items():
+        assert value(FieldType.RATIONAL, [number]) == fraction
+        assert value(FieldType.SRATIONAL, [-number]) == (-fraction[0], fraction[1])
 
 
-@pytest.mark.parametrize("number", np.random.default_rng(1).lognormal(0, 6, 50).tolist())
-def test_fractions_are_as_near_as_31_bits_allow(number: float) -> None:
-    numerator, denominator = value(FieldType.RATIONAL, [number])
-    assert 0 <= numerator < 2**31
-    assert 0 < denominator < 2**31
-    # Rounding to a multiple of 1 / 2**31 of the number's size, or to the smallest fraction there is.
-    assert abs(numerator / denominator - number) <= max(number, 1.0) * 2**-30
-
-
-@pytest.mark.parametrize(
-    ("kind", "number"), [(FieldType.RATIONAL, -0.5), (FieldType.RATIONAL, 2.0**31), (FieldType.SRATIONAL, 1e12)]
-)
-def test_numbers_that_no_fraction_holds_are_refused(kind: FieldType, number: float) -> None:
-    with pytest.raises(InputError, match=rf"{number} does not fit a TIFF {kind.name}"):
-        encode_tiff(Directory({_NUMBERS_TAG: (kind, [number])}))
+def test_fractions_are_as_near_as_31_bits_allow() -> None:
+    for number in np.random.default_rng(1).lognormal(0, 6, 50).tolist():
+        numerator, denominator = value(FieldType.RATIONAL, [number])
+        assert 0 <= numerator < 2**31 > denominator > 0
+        # Rounding to a multiple of 1 / 2**31 of the number's size, or to the smallest fraction there is.
+        assert abs(numerator / denominator - number) <= max(number, 1.0) * 2**-30
+    kinds = {-0.5: FieldType.RATIONAL, 2.0**31: FieldType.RATIONAL, 1e12: FieldType.SRATIONAL}
+    for number, kind in kinds.items():
+        with pytest.raises(InputError, match=rf"{number} does not fit a TIFF {kind.name}"):
+            encode_tiff(Directory({_NUMBERS_TAG: (kind, [number])}))
 
 
 def test_entries_are_sorted_and_all_offsets_even() -> None:
     """TIFF 6.0, section 2: ascending tags; section 7: word boundaries."""
-    fields: Any = {300: (FieldType.BYTE, b"12345"), 270: (FieldType.ASCII, "four"), 280: (FieldType.BYTE, b"1234567")}
+    fields: Any = {300: (FieldType.BYTE, b"12345"), 270: (FieldType.ASCII, "four")}
+    fields[280] = FieldType.BYTE, b"1234567"
     data = encode_tiff(Directory(fields, strips=[b"odd", b"strip"]))
     (start,) = struct.unpack_from("<I", data, 4)
     (count,) = struct.unpack_from("<H", data, start)
     entries = [struct.unpack_from("<HHII", data, start + 2 + 12 * index) for index in range(count)]
     tags = [tag for tag, *_ in entries]
     assert tags == sorted(tags) == [270, 273, 279, 280, 300]
-    assert all(offset % 2 == 0 for _, kind, number, offset in entries if kind in (1, 2) and number > 4)
+    elsewhere = [offset for _, kind, number, offset in entries if kind in (1, 2) and number > 4]
+    assert all(offset % 2 == 0 for offset in elsewhere)
     (where,) = (offset for tag, _, _, offset in entries if tag == 273)
     assert all(strip % 2 == 0 for strip in struct.unpack_from("<2I", data, where))
     assert start % 2 == 0
@@ -100,15 +92,8 @@ def test_entries_are_sorted_and_all_offsets_even() -> None:
 
 def test_strips_and_children_are_where_the_tags_say() -> None:
     picture = np.arange(48, dtype=np.uint8).reshape(6, 8)
-    image: Any = {
-        256: (FieldType.LONG, [8]),
-        257: (FieldType.LONG, [6]),
-        258: (FieldType.SHORT, [8]),
-        259: (FieldType.SHORT, [1]),
-        262: (FieldType.SHORT, [1]),
-        277: (FieldType.SHORT, [1]),
-        278: (FieldType.LONG, [4]),
-    }
+    image: Any = {tag: (FieldType.LONG, [number]) for tag, number in ((256, 8), (257, 6), (278, 4))}
+    image |= dict.fromkeys((259, 262, 277), (FieldType.SHORT, [1])) | {258: (FieldType.SHORT, [8])}
     strips = [picture[:4].tobytes(), picture[4:].tobytes()]
     inner = Directory(image, strips=strips)
     exif = Directory({36864: (FieldType.UNDEFINED, b"0230")})

@@ -158,6 +158,12 @@ def test_verbose_shows_the_traceback_of_a_fault_once(
     assert "Traceback" not in run(*words, code=1).err
 
 
+def test_a_verb_or_option_that_went_is_answered_by_what_to_use() -> None:
+    assert "there is no verb design any more: panchroma evaluate SCENE" in run("design", "-o", "x", code=2).err
+    for verb, option in (("burst", "--report"), ("evaluate", "--show"), ("render", "--uncertainty"), ("simulate", "--aberration")):
+        assert f"there is no option {option} any more: {cli.GONE[option]}" in run(verb, "x", "-o", "y", option, code=2).err
+
+
 def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
     assert run("-q", "-v", "inspect", shots, code=0).out == run("inspect", shots, "--quiet", code=0).out
     for alone in ((), ("-v",), ("-v", "-q")):

@@ -16,9 +16,6 @@ from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
-from tools.evaluation.design.judge import Figures as Expected
-from tools.evaluation.design.page import page as design_page
-from tools.evaluation.design.proposals import Proposal
 from tools.evaluation.figures import Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import choose
@@ -27,9 +24,6 @@ from tools.evaluation.page.page import build_page
 from tools.evaluation.study import Study
 from tools.evaluation.tiles import Tile
 from tools.pictures.html import without_folders
-from tools.rendering.burst_files import BurstFile
-from tools.rendering.burst_report import Shown
-from tools.rendering.burst_report import page as burst_page
 
 HARMLESS = "a"
 HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""  # may be the name of a file
@@ -74,26 +68,6 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     return build_page(Figures(study, dict.fromkeys(study.cells(), measures)), exhibits(study, text), text, [text])
 
 
-def of_design(folder: Path, text: str) -> bytes:
-    """The page of a search for a tile."""
-    figures = (Expected(*range(40, 40 + len(Expected._fields))),)
-    tiles = [
-        Proposal(("RWW", "WGW", "WWB"), text, 2.0, 40.0, figures, figures),
-        Proposal(("RW", "WB"), text, 2.5, 39.0, figures, figures),
-    ]
-    return design_page(tiles, tiles, [text], 1, exhibits(study_of(folder), text), [text], text)
-
-
-def of_burst(folder: Path, text: str) -> bytes:
-    """The report on a burst of which a frame is left out."""
-    mosaic = frame(np.full((60, 60, 3), 0.5))
-    alone, merged = Shown(mosaic, 0.0), Shown(mosaic, 0.0)
-    for shown, light in ((alone, 0.2), (merged, 0.4)):
-        list(shown.taken([np.full((60, 60, 3), light, np.float32)]))
-    frames = [BurstFile(f"{folder}/{text}.dng", mosaic), BurstFile(f"{folder}/{text}.dng", reason=text)]
-    return burst_page(frames, 0, None, alone, merged)
-
-
 def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
@@ -102,7 +76,7 @@ def of_calibration(_: Path, text: str) -> bytes:
 
 
 Maker = Callable[[Path, str], bytes]
-MAKERS = (of_evaluation, of_design, of_burst, of_calibration)
+MAKERS = (of_evaluation, of_calibration)
 
 
 @pytest.mark.parametrize("make", MAKERS)
@@ -112,7 +86,7 @@ def test_a_text_stays_a_text(tmp_path: Path, make: Maker) -> None:
     assert sum(HOSTILE in text for text in hostile.texts) >= 4
 
 
-@pytest.mark.parametrize("make", [of_evaluation, of_burst])
+@pytest.mark.parametrize("make", [of_evaluation])
 def test_a_page_does_not_tell_where_files_are(tmp_path: Path, make: Maker) -> None:
     assert str(tmp_path) not in make(tmp_path, HARMLESS).decode()
 

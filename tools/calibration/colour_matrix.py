@@ -8,10 +8,11 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50, SRGB_TO_XYZ, xyz, xyz_to_lab
+from shared.colorimetry import D50, SRGB_TO_XYZ, xyz
 from shared.errors import InputError
 from shared.lights import illuminant_xy
 from tools.pictures.colour_difference import delta_e_2000, lab_slopes
+from tools.scenes.colour import xyz_to_lab
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 

@@ -11,9 +11,8 @@ import numpy as np
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.motion import Motion
 
-from .motion import MOST_DEGREES, RADIUS, displaced, reach
+from .motion import MOST_DEGREES, RADIUS, Motion, displaced, reach
 
 MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0
 STILL = Motion()

@@ -6,11 +6,11 @@ interpolation per shear: Unser, Thevenaz, Yaroslavsky, "Convolution-based interp
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
-from shared.motion import Motion
 
 MOST_DEGREES = 30.0
 """The largest rotation that is simulated: beyond it the margins that shears need would take most of a picture."""
@@ -20,11 +20,27 @@ _BETA = 5.5  # Kaiser's parameter; half a pixel changes waves of up to 0.85 of t
 _LINES = 16  # shifted together, so that they stay in the processor's cache
 
 
+class Motion(NamedTuple):
+    """A motion of the camera. shift: (down, across), pixels. angle: radians; positive turns the picture counter-clockwise."""
+
+    shift: tuple[float, float] = (0.0, 0.0)
+    angle: float = 0.0
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing has moved."""
+        return self == Motion()
+
+    def times(self, factor: float) -> "Motion":
+        """Return the same motion for a frame with `factor` times as many pixels a side."""
+        return Motion((self.shift[0] * factor, self.shift[1] * factor), self.angle)
+
+
 def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
-    """The light on a sensor after a motion, float32 (H, W, C): what was at a point is where `motion.places` says.
+    """The light on a sensor after a motion, float32 (H, W, C): what was at a point is where `offline.burst.Motion.places` says.
 
     rgb: the light before it, (H, W, C), float32.
-    motion: of the camera, pixels of this picture; at most MOST_DEGREES, without local shifts.
+    motion: of the camera, pixels of this picture; at most MOST_DEGREES.
     Beyond its borders the outermost pixels go on. The result is true where it does not depend on them: `reach` pixels from the
     border and further inside. Whole pixels of translation are exact. Interpolation may overshoot at sharp edges, below zero too.
 

@@ -13,7 +13,7 @@ from shared import read_dng
 from shared.errors import InputError
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED, Job, do_jobs, identity, output_folder, possible_jobs
+from tools.host.jobs import FAILED, Job, do_jobs, identity, possible_jobs
 from tools.host.memory import share_one_heap
 from tools.host.progress import StageProgress
 from tools.rendering.burst import BurstOrder
@@ -37,8 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "aligned then, and the reference is the first shot by default",
         type=numbers(2, "2,-0.5"),
     )
-    report = "folder for STEM.html: frames, motion, and the picture beside one shot's; created if missing"
-    option(parser, "--report DIR", report)
     add_picture(parser, "best", "unlearned")
     add_run(parser)
     add(parser, "json", each="picture")
@@ -69,11 +67,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if reference is None:
             raise InputError(f"--reference {arguments.reference}: is none of the {len(names)} shots of the burst")
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
-    stem = series_stem(names)
-    outputs = [folder / f"{stem}{suffix}"]
-    if arguments.report is not None:
-        outputs.append(output_folder(arguments.report, dry_run=arguments.dry_run) / f"{stem}.html")
-    job = Job(names[0], tuple(outputs), all(each.found for each in found.sources), tuple(names))
+    job = Job(names[0], (folder / f"{series_stem(names)}{suffix}",), all(each.found for each in found.sources), tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     through = passes(order, jobs, console, workers=1, threads=arguments.threads, memory=arguments.max_memory)
     states = do_jobs(jobs, through, console, StageProgress())

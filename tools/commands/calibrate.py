@@ -15,13 +15,14 @@ import numpy as np
 
 from shared import Camera
 from shared.arrays import DoubleArray
-from shared.colorimetry import Matrix, lab_to_xyz
+from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.lights import check_apart, illuminant_xy
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
+from tools.scenes.colour import lab_to_xyz
 
 from .options import add, numbers, option, text
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic, read_dng, write_dng
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from shared.dng import read_preview
 from shared.errors import InputError
 from shared.series import frame_name
@@ -32,6 +31,7 @@ from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
 from tools.pictures.development import Development, write_picture
+from tools.pictures.display import ColourTransform
 from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
 from tools.rendering.in_memory import merged_picture, renderings

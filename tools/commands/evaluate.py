@@ -55,8 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(what, "--methods NAME ...", "methods to compare (default: all installed; an unknown name lists them)")
     rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed"
     option(what, "--rival FILE.onnx ...", rivals)
-    shown = "show this square of a photograph in the gallery, under this name"
-    option(what, "--show NAME=SCENE:ROW,COLUMN ...", shown)
     option(what, "--crop PIXELS", "use only the middle of each scene, for a quick look", type=count)
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
@@ -67,9 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.evaluation.page.gallery import Named, render_gallery
+    from tools.evaluation.page.gallery import render_gallery
     from tools.evaluation.page.page import build_page
-    from tools.evaluation.strokes import measure_strokes, result_names
     from tools.evaluation.study import FOLDER, Cache, collect, tasks
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
@@ -84,17 +81,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    try:
-        named = [Named.of(text) for text in arguments.show]
-        for each in named:
-            each.crop(study, study.levels[0])
-    except InputError as error:
-        raise InputError(f"--show: {error}") from None
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
-        Cache(folder / FOLDER).remove([*(cell.name for cell in study.cells()), *result_names(study)])
+        Cache(folder / FOLDER).remove([cell.name for cell in study.cells()])
     temporary_font_folder()  # a rival's package imports matplotlib
     if there:
         console.note(f"{there} results are kept from an earlier run")
@@ -104,15 +95,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
         return FAILED
     results = collect(study, folder)
-    strokes, failed = measure_strokes(study, folder, team)
-    console.error(*failed)
-    failures += failed
-    figures = Figures(study, results, strokes)
+    figures = Figures(study, results)
     program = f"panchroma {program_version()}"
     page = b""
     if not arguments.no_page:
         try:
-            exhibits = render_gallery(figures, team, named)
+            exhibits = render_gallery(figures, team)
         except InputError as error:  # a file that has changed since it was measured
             console.error(str(error))
             failures, exhibits = [*failures, str(error)], []

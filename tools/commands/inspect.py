@@ -188,7 +188,7 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown") + estimated,
     }
     if "shading" in document:
-        rows["shading"] = f"{Shading.from_json(document['shading']).words}; undone"
+        rows["shading"] = f"{Shading(**document['shading']).words}; undone"
     if "aberration" in document:
         rows["aberration"] = "lateral chromatic aberration of an earlier version; ignored"
     return rows

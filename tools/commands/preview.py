@@ -1,6 +1,7 @@
 """Make the camera's own preview of shots, as JPEG: fast, and with no package that a camera does not have.
 
-The picture is not rotated; its Exif orientation says which way is up.
+The picture is not rotated; its Exif orientation says which way is up. --export writes the graph that makes the previews of all
+cameras with the pattern of a shot, for another ONNX runtime; device/preview/contract.py describes its inputs and outputs.
 """
 
 import argparse
@@ -8,21 +9,23 @@ import time
 from pathlib import Path
 
 from shared import read_camera, read_dng
+from shared.errors import InputError
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
 from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from tools.host.progress import StageProgress
 from tools.pictures.formats.jpg import check_quality, encode_jpeg
-from tools.pictures.previews import Previews
+from tools.pictures.previews import Previews, preview_graph
 
-from .options import add, add_shots
+from .options import add, add_shots, file_name, option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
     add_shots(parser)
-    add(parser, "output", files="STEM.jpg (subfolders are kept)")
+    add(parser, "output", files="STEM.jpg (subfolders are kept)", required=False)
+    option(parser, "--export FILE.onnx", "write the graph for the pattern of one SHOT; without -o nothing else", type=file_name)
     add(parser, "scale", default=1)
     add(parser, "quality", "camera", "max-pixels", "overwrite", instead=", in place of the one in the shots")
     add(parser, "json", each="shot")
@@ -31,6 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a preview of each shot; returns the exit code."""
     check_quality(arguments.quality)
+    if arguments.export is not None:
+        _export(arguments, console)
+    if arguments.output is None:
+        if arguments.export is None:
+            raise InputError("-o is missing: the folder for the previews")
+        return 0
     previews = Previews(arguments.scale)
     camera = read_camera(arguments.camera) if arguments.camera else None
     folder = output_folder(arguments.output)
@@ -56,3 +65,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     jobs = plan(found.sources, lambda source: [f"{Path(source).stem}.jpg"], folder)
     code = run_jobs(jobs, work, console, overwrite=arguments.overwrite)
     return code if searched else FAILED
+
+
+def _export(arguments: argparse.Namespace, console: Console) -> None:
+    path = Path(arguments.export)
+    if path.suffix != ".onnx":
+        raise InputError(f"{path}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
+    if len(arguments.shots) > 1:
+        raise InputError(f"--export writes the graph for the pattern of one shot, and {len(arguments.shots)} are named")
+    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=arguments.max_pixels).pattern, arguments.scale)
+    write_durably(path, graph, overwrite=arguments.overwrite)
+    console.say(f"{path}: {len(graph)} bytes")

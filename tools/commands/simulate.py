@@ -57,10 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(
         sensor,
         "--layout",
-        "how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer; raw: no "
-        "DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
-        choices=("auto", "cfa", "linear", RAW),
-        default="auto",
+        "dng, or raw: no DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
+        choices=("dng", RAW),
+        default="dng",
     )
     light = parser.add_argument_group("light and noise")
     add_protocol(light)
@@ -101,14 +100,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
     previews = Previews()
-    ending = "raw" if arguments.layout == RAW else "dng"
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
         truth = [f"{stem}{TRUTH}", f"{stem}{TRUTH_PICTURE}"]
         beside = [*truth, *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
-        return [*(f"{shot}.{ending}" for shot in shots), *beside]
+        return [*(f"{shot}.{arguments.layout}" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
@@ -129,7 +127,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             if arguments.layout == RAW:
                 write_durably(shot, mosaic.codes.astype("<u2").tobytes(), overwrite=arguments.overwrite)
             else:
-                write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
+                write_dng(shot, mosaic, previews(mosaic), overwrite=arguments.overwrite)
             if not taken and beside:
                 missing = _write_truth(exposed, beside[:2], overwrite=arguments.overwrite)
             taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light

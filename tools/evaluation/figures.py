@@ -14,7 +14,6 @@ from .measures import PLANES, TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import QUANTILES, Quality
 from .scene_sets import SETS, SceneInfo
-from .strokes import Strokes
 from .study import Cell, Study, can_photograph
 from .tiles import Tile
 
@@ -70,12 +69,11 @@ CRITERIA = (
     *(Criterion(name, f"median {of}", f"{name}_q50", f"Median {of} {_MEDIAN}") for of, name, _ in _PLANES),
     *(Criterion(f"{name}_q10", f"worst tenth, {of}", f"{name}_q10", f"{of} {_TENTH}") for of, name, _ in _PLANES),
     *(Criterion(f"psnr{end}", f"whole image, {of}", f"psnr{end}", f"{of} {_WHOLE}") for of, _, end in _PLANES),
-    Criterion("ssim", "SSIM", "ssim", "SSIM of whole images, mean over the scenes; higher is better.", 1, "", 3, 0.0005),
     Criterion("wrong_hue", "wrong hue", "wrong_hue", _HUE, -1, " % of the pixels", scale=100.0),
     Criterion("uneven_hue", "uneven hue", "uneven_hue", _UNEVEN, -1, " % of the pixels", scale=100.0),
     Criterion("faded", "faded colour", "faded", _FADED, -1, " %", even=0.5, scale=100.0),
 )
-RGB, LUMINANCE, CHROMINANCE, _, _, TENTH_CHROMINANCE, WHOLE, WHOLE_LUMINANCE, WHOLE_CHROMINANCE, _, HUE, _, _ = CRITERIA
+RGB, LUMINANCE, CHROMINANCE, _, _, TENTH_CHROMINANCE, WHOLE, WHOLE_LUMINANCE, WHOLE_CHROMINANCE, HUE, _, _ = CRITERIA
 """Those of the worst tenth and of whole images without a name are those in RGB."""
 
 
@@ -90,7 +88,7 @@ class Figure:
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     scenes: number of scenes.
     values: by name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
-        psnr_PLANE), dB; ssim; wrong_hue and uneven_hue, the shares of the pixels that show a wrong hue, and another one than their
+        psnr_PLANE), dB; wrong_hue and uneven_hue, the shares of the pixels that show a wrong hue, and another one than their
         object does, 0 to 1, None where red, green and blue are not measured; kept_1 to kept_5, the slopes of `colour_kept` from
         dark to bright, and faded, the mean of their distances from 1, None where there is no colour. What is of whole pictures is
         the mean over the scenes; kept is of all their pixels.
@@ -113,11 +111,10 @@ class Figures:
 
     rows: of the sets, where every scene of a set has a result, then of the scenes.
     sets: those of which there are results.
-    strokes: what each method keeps of the drawn scene.
     """
 
-    def __init__(self, study: Study, results: Mapping[Cell, Measures], strokes: Sequence[Strokes] = ()) -> None:
-        self.study, self.results, self.strokes = study, results, tuple(strokes)
+    def __init__(self, study: Study, results: Mapping[Cell, Measures]) -> None:
+        self.study, self.results = study, results
         found: dict[_Key, Figure] = {}
         self.sets = [SetFigures(study, name, found) for name in SETS if any(cell.scene.group == name for cell in results)]
         parts: dict[_Key, list[Measures]] = {}
@@ -256,7 +253,7 @@ def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | No
     }
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
-    for name in ("ssim", "wrong_hue", "uneven_hue"):
+    for name in ("wrong_hue", "uneven_hue"):
         mean = float(np.array([getattr(each, name) for each in parts], float).mean())
         values[name] = None if isnan(mean) else mean  # NaN where one picture has none
     seen, true = np.sum([each.kept for each in parts], axis=0)

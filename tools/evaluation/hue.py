@@ -3,9 +3,10 @@
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
-from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
+from shared.colorimetry import SRGB_TO_XYZ
 from shared.white_balance import shades_of_grey
 from tools.pictures.colour_difference import delta_e_2000
+from tools.scenes.colour import xyz_to_lab
 
 from .metrics import BORDER
 

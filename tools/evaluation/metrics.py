@@ -12,8 +12,6 @@ PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.10, 0.25, 0.50, 0.75)
 CAP = 200.0  # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
-_RADIUS, _SIGMA = 5, 1.5  # of SSIM: an 11 x 11 Gaussian window
-_C1, _C2 = 0.01**2, 0.03**2  # K1, K2 at a dynamic range of 1
 
 Quantiles = tuple[float, float, float, float]
 
@@ -76,34 +74,6 @@ def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tupl
     """
     rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in _squares(rendered, truth, border, 1))
     return rgb, luminance, chrominance
-
-
-def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
-    """Mean structural similarity over all channels and all windows that lie `border` pixels or more inside the frame.
-
-    After Z. Wang et al., "Image quality assessment", IEEE Transactions on Image Processing 13(4), 2004.
-
-    rendered, truth: (H, W, C), scene units, range 1.
-    Raises InputError when the shapes differ or no window fits.
-    """
-    inner = _inside(rendered, truth, border, 2 * _RADIUS + 1)
-    return float(np.mean([_similarity(rendered[(*inner, c)], truth[(*inner, c)]) for c in range(rendered.shape[2])]))
-
-
-def _similarity(x: FloatArray, y: FloatArray) -> float:
-    a, b = x.astype(np.float64), y.astype(np.float64)
-    mean_a, mean_b = _local_mean(a), _local_mean(b)
-    variance_a, variance_b = _local_mean(a * a) - mean_a**2, _local_mean(b * b) - mean_b**2
-    covariance = _local_mean(a * b) - mean_a * mean_b
-    likeness = (2 * mean_a * mean_b + _C1) * (2 * covariance + _C2)  # Eq. 13
-    return float((likeness / ((mean_a**2 + mean_b**2 + _C1) * (variance_a + variance_b + _C2))).mean())
-
-
-def _local_mean(values: DoubleArray) -> DoubleArray:
-    """Gaussian mean over each window, (H - 10, W - 10)."""
-    from scipy.ndimage import gaussian_filter
-
-    return gaussian_filter(values, _SIGMA, radius=_RADIUS)[_RADIUS:-_RADIUS, _RADIUS:-_RADIUS]
 
 
 def _squares(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:

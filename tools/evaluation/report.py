@@ -12,17 +12,13 @@ from tools.scenes.scene import RGB as RGB_CHANNELS
 from .figures import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion, Figures, SetFigures
 from .hue import PLACES
 from .methods import methods
-from .strokes import COLOURS, WIDTHS
 from .verdict import capital, caveats, claims, heading, headline, losses, standing
 
 T = TypeVar("T")
 
 _OF_PATTERNS = {"median RGB": RGB, "worst colour": TENTH_CHROMINANCE, "whole image": WHOLE, "hue, %": HUE}
 """By what patterns are compared: how most of a picture looks, and its worst places."""
-STROKES = (
-    f"Colour kept in strokes {', '.join(map(str, WIDTHS[:-1]))} and {WIDTHS[-1]} pixels wide on white, the least of "
-    f"{', '.join(list(COLOURS)[:-1])} and {list(COLOURS)[-1]}"
-)
+
 
 KEPT = "Colour kept by luminance of the truth, both pictures blurred: 1 is all of it, 0 is grey"
 
@@ -91,17 +87,6 @@ def pattern_table(group: SetFigures, level: Protocol) -> Table:
     return Table([capital(level.text), "W", "light", *_OF_PATTERNS, *(f"over {name}" for name in others)], rows)
 
 
-def stroke_table(figures: Figures, level: Protocol) -> Table:
-    """What each method keeps of the colour of narrow strokes: a row for each method and pattern, a column for each width."""
-    shown = [each for each in figures.strokes if each.level == level]
-    best, rows = [max(column) for column in zip(*(each.least for each in shown), strict=True)], []
-    for each in shown:
-        name = f", {each.tile.title}" if each.tile and len(figures.study.tiles) > 1 else ""
-        marks = [part == most for part, most in zip(each.least, best, strict=True)]
-        rows.append(_of_method(each.method, [f"{part:.2f}" for part in each.least], marks, name))
-    return Table([capital(level.text), *(f"{width} pixels" for width in WIDTHS)], rows)
-
-
 def kept_table(group: SetFigures, level: Protocol) -> Table:
     """What each method keeps of colour by luminance: a row for each method, a column for each bin."""
     found = [(name, figure.values) for name in group.study.methods if (figure := group.figure(level, name))]
@@ -130,7 +115,7 @@ def pattern_conditions(figures: Figures) -> str:
 
 
 def plain_text(figures: Figures) -> str:
-    """The report for a terminal: for each set a table of pooled medians, sentences and the patterns; then the drawn strokes."""
+    """The report for a terminal: for each set a table of pooled medians, sentences and the patterns."""
     study, lines = figures.study, []
     for group in figures.sets:
         lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
@@ -147,8 +132,6 @@ def plain_text(figures: Figures) -> str:
         if tables := by_level(kept_table, group, study.levels):
             lines += [f"{KEPT}:", *_aligned(tables)]
         lines.append("")
-    if figures.strokes:
-        lines += [f"{STROKES}:", *_aligned(by_level(stroke_table, figures, study.levels))]
     return "\n".join(map(one_line, lines)).rstrip()
 
 

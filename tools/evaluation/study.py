@@ -28,7 +28,7 @@ from .tiles import Tile, filters_of
 T = TypeVar("T")
 
 FOLDER = "results"
-MEASURING = 1
+MEASURING = 2
 """Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise it whenever figures change.
 
 A result is kept under versions: this one, those of the protocol and of the method (of ours: of the renderer and its settings, or of

@@ -13,17 +13,15 @@ from .figures import CRITERIA, EVEN, Figures, SetFigures
 from .methods import methods
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
-from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
 from .tiles import Tile
 from .verdict import best_period, caveats, claims
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
-_DRAWN = "drawn strokes"
 _SCENE = ("source", "name", "group", "rows", "columns", "channels", "notes")
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")  # and, in full width, what some programs take for them
-_DIGITS = {"ssim": 6, "wrong_hue": 6}  # of figures; of all others 4
+_DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
@@ -37,26 +35,14 @@ def rows(figures: Figures) -> list[dict[str, Any]]:
     return found
 
 
-def stroke_rows(figures: Figures) -> list[dict[str, Any]]:
-    """One flat object per method, level, pattern and colour of the drawn strokes; kept_8 is the part kept in those of 8 pixels."""
-    found = []
-    for each in figures.strokes:
-        for colour, parts in zip(COLOURS, each.kept, strict=True):
-            values = {f"kept_{width}": round(part, 4) for width, part in zip(WIDTHS, parts, strict=True)}
-            found.append(
-                _row(_DRAWN, colour, each.level, each.method, each.tile) | {"pattern": each.tile and each.tile.name} | values
-            )
-    return found
-
-
 def encode_csv(figures: Figures) -> bytes:
-    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals; rows of the drawn strokes at the end."""
+    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals."""
     text = io.StringIO()
-    found, drawn = rows(figures), stroke_rows(figures)
-    columns = dict.fromkeys(name for row in (*found[:1], *drawn[:1]) for name in row)
-    writer = csv.DictWriter(text, list(columns or _COLUMNS), lineterminator="\n")
+    found = rows(figures)
+    columns = found[0] if found else _COLUMNS
+    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
     writer.writeheader()
-    for row in (*found, *drawn):
+    for row in found:
         writer.writerow({name: _cell(value) for name, value in (row | {"scene": row["scene"] or _POOLED}).items()})
     return text.getvalue().encode()
 
@@ -101,7 +87,6 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
         },
         "verdict": {group.name: _verdict(group) for group in figures.sets},
         "figures": rows(figures),
-        "strokes": {"colours": COLOURS, "white": WHITE, "widths": WIDTHS, "margin": MARGIN, "kept": stroke_rows(figures)},
         "failed": failures,
         "left_out": left_out,
     }

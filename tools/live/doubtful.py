@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from device.capture import Saved
-from device.capture.checks.slip_check import SlippedError
+from device.capture.frame_check import SlippedError
 
 
 class DoubtfulShots:

@@ -18,7 +18,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from device.capture.checks.tiles import Tiles
+from device.capture.tiles import Tiles
 from shared.arrays import BoolArray, CodeArray, DoubleArray
 from shared.errors import InputError
 from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern

@@ -16,7 +16,7 @@ from typing import cast
 
 from device import Preview
 from device.capture import PreviewMaker, Sensor
-from device.capture.checks.frame_check import checked
+from device.capture.frame_check import checked
 from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import Camera, CfaPattern, SensorCalibration

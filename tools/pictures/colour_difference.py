@@ -3,7 +3,8 @@
 import numpy as np
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import CIE_EPSILON, CIE_KAPPA, D50
+from shared.colorimetry import D50
+from tools.scenes.colour import CIE_EPSILON, CIE_KAPPA
 
 
 def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:

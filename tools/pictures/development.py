@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.display import ColourTransform
 from shared.tiff import Directory
 from shared.writing import OnComplete, durable_file
 
+from .display import ColourTransform
 from .embedded import icc_profile, picture_directory
 
 if TYPE_CHECKING:

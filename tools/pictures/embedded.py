@@ -6,13 +6,15 @@ from functools import cache
 
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50, D65_XY, SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE, adaptation, xyz
-from shared.display import SPACES
+from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.dng import metadata_directory
 from shared.dng.exif import resolution_fields
-from shared.dng.tags import MAKER, Tag
+from shared.dng.tags import MAKER, TAG
 from shared.tiff import Directory, FieldType
 from tools.host.versions import package_version
+from tools.scenes.colour import SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE
+
+from .display import SPACES
 
 # Exif 2.3, tables 4 and 15: required fields besides the capture data.
 _COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y = 40961, 37121, 40960, 40962, 40963
@@ -23,8 +25,8 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
     """Return the TIFF directory, with its Exif directory, of a picture in sRGB or in another space."""
     directory = metadata_directory(metadata)
     directory.fields.update(resolution_fields())
-    directory.fields[Tag.SOFTWARE] = FieldType.ASCII, software()
-    directory.children[Tag.EXIF_IFD].fields |= {
+    directory.fields[TAG["Software"]] = FieldType.ASCII, software()
+    directory.children[TAG["ExifTag"]].fields |= {
         _COLOR_SPACE: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),
         _FLASHPIX: (FieldType.UNDEFINED, b"0100"),
     }
@@ -34,8 +36,8 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
 def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
     """Return `picture_directory` with the fields that Exif requires in a JPEG; shape: (rows, columns, ...) of the picture."""
     directory = picture_directory(metadata, srgb=srgb)
-    directory.fields[Tag.YCBCR_POSITIONING] = FieldType.SHORT, [1]
-    directory.children[Tag.EXIF_IFD].fields |= {
+    directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
+    directory.children[TAG["ExifTag"]].fields |= {
         _COMPONENTS: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
         _PIXEL_X: (FieldType.LONG, [shape[1]]),
         _PIXEL_Y: (FieldType.LONG, [shape[0]]),

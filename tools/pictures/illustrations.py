@@ -9,9 +9,9 @@ import numpy as np
 
 from shared import Mosaic
 from shared.arrays import ByteArray, DoubleArray, FloatArray
-from shared.display import ColourTransform
 from shared.pattern import PANCHROMATIC
 
+from .display import ColourTransform
 from .samples import quantise
 
 if TYPE_CHECKING:

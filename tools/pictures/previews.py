@@ -48,8 +48,8 @@ def preview_version() -> str:
     return BUILDER
 
 
-def preview_graph(pattern: CfaPattern, scale: int, *, linear: bool) -> bytes:
+def preview_graph(pattern: CfaPattern, scale: int) -> bytes:
     """The graph of a preview as an ONNX file, see `device.preview.graph.build_preview`."""
     from device.preview.graph import build_preview
 
-    return build_preview(pattern, scale, linear=linear)
+    return build_preview(pattern, scale)

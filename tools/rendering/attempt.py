@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from shared import CfaPattern
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
-from shared.writing import OnComplete, write_durably
 from tools.host.ahead import promised
 from tools.host.backup import keep_old
 from tools.host.jobs import Job, Outcome, State, file_status, identity, refuse_existing
@@ -86,7 +85,7 @@ class _Attempt:
 
     def _planned(self) -> Outcome:
         """What a dry run would do."""
-        if self._is_current(self._existing(self._digest())):
+        if self._existing(self._digest()).current:
             return self._current("current", dry_run=True)
         facts = {"output": str(self.job.output), "dry_run": True}
         return Outcome(facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned")
@@ -95,8 +94,8 @@ class _Attempt:
         """Make the picture, while this process holds the lock on the output."""
         start, order, source_digest = time.monotonic(), self.order, self._digest()
         existing = self._existing(source_digest)
-        if state := self._is_current(existing):
-            return self._current(state)
+        if existing.current:
+            return self._current(existing.current)
         subject = self._read()
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
@@ -133,27 +132,23 @@ class _Attempt:
         for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
-    def _write(self, subject: Subject, development: Development, existing: list[_Existing], source_digest: str) -> "SolverLog":
-        """Render, and write all outputs. Returns what the solvers did."""
+    def _write(self, subject: Subject, development: Development, existing: _Existing, source_digest: str) -> "SolverLog":
+        """Render, and write the picture. Returns what the solvers did."""
         from offline import SolverLog, threads
 
-        log, outputs = SolverLog(self.listener), self.job.outputs
-        for each, path in zip(existing, outputs, strict=True):
-            if each.changed:
-                self.listener.note(f"{path}: has changed since it was made; it is kept as {keep_old(path).name}")
+        log, path = SolverLog(self.listener), self.job.output
+        if existing.changed:
+            self.listener.note(f"{path}: has changed since it was made; it is kept as {keep_old(path).name}")
         # Journal and picture are fsynced at the same time: for small pictures fsync takes most of the time, and a large one is
         # digested meanwhile. The pool is this picture's own: one that stays would wait for ever for a thread whose start is
         # interrupted.
         with ThreadPoolExecutor(1) as pool:
 
-            def noted(made: Path) -> OnComplete:
-                return lambda part: pool.submit(self._note_in_journal, made, part, source_digest).result
+            def noted(part: Path) -> Callable[[], object]:
+                return pool.submit(self._note_in_journal, part, source_digest).result
 
             shown = self._shown(subject.bands(log), subject.lost, development)
-            replace = existing[0].replace
-            write_picture(outputs[0], shown, development, overwrite=replace, on_complete=noted(outputs[0]), threads=threads())
-            for path, each, data in zip(outputs[1:], existing[1:], subject.beside(self.listener), strict=True):
-                write_durably(path, data, overwrite=each.replace, on_complete=noted(path))
+            write_picture(path, shown, development, overwrite=existing.replace, on_complete=noted, threads=threads())
         return log
 
     def _shown(self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development) -> Iterator[FloatArray]:
@@ -164,8 +159,8 @@ class _Attempt:
             top += len(band)
         self.listener.stage("writing", 1)
 
-    def _note_in_journal(self, made: Path, part: Path, source_digest: str) -> None:
-        source = os.path.abspath(self.job.source)  # noqa: PTH100 (without following links)
+    def _note_in_journal(self, part: Path, source_digest: str) -> None:
+        source, made = os.path.abspath(self.job.source), self.job.output  # noqa: PTH100 (without following links)
         made_key = self.order.key(made, source_digest)
         _journal(self.order.folder).append(Entry(self.order.name(made), digest(part) or "", made_key, self.order.run, source))
 
@@ -194,16 +189,9 @@ class _Attempt:
         known = {"output": str(output), "current": True, **facts}
         return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
 
-    def _existing(self, source_digest: str | None) -> list[_Existing]:
-        """What exists under the name of each output. Raises OutputError for a file that must stay."""
-        return [self._existing_output(output, source_digest) for output in self.job.outputs]
-
-    def _is_current(self, existing: list[_Existing]) -> State | None:
-        """The outcome when all outputs are up to date; otherwise None."""
-        return existing[0].current if all(each.current for each in existing) else None
-
-    def _existing_output(self, output: Path, source_digest: str | None) -> _Existing:
-        order = self.order
+    def _existing(self, source_digest: str | None) -> _Existing:
+        """What exists under the name of the output. Raises OutputError for a file that must stay."""
+        order, output = self.order, self.job.output
         if not output.exists():
             return _Existing(replace=order.overwrite)
         made = _journal(order.folder).of(order.name(output))

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
 from tools.host.jobs import Job
 from tools.host.progress import Note
 
 from .burst_files import BurstFile, leave_odd_ones_out
-from .burst_report import Shown, page
 from .checks import check_memory
 from .order import Order, Subject
 
@@ -61,7 +59,7 @@ class BurstOrder(Order):
                 if frame.failed:
                     note(frame.line)
             raise InputError(f"none of the {len(frames)} frames can be used")
-        return BurstSubject(self, frames, note, reported=len(job.outputs) > 1)
+        return BurstSubject(self, frames, note)
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
@@ -85,28 +83,17 @@ class BurstSubject(Subject):
     order: settings.
     frames: all files, those that are left out too; one or more have a mosaic.
     note: called with each remark for the user.
-    reported: there is to be a report.
     """
 
-    def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note, *, reported: bool) -> None:
+    def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note) -> None:
         self._order, self.frames, self._note = order, frames, note
         self._mosaics = {index: frame.mosaic for index, frame in enumerate(frames) if frame.mosaic is not None}
         self._used = list(self._mosaics)
         self._reference = self._used[0] if order.reference is None else order.reference
         self._merged: MergedBurst | None = None
-        self._shown: Shown | None = None
-        self._reported = reported
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
         super().__init__(self._mosaics[self._reference], order.settings)
-        if reported:
-            try:
-                ColourTransform.to_space(self.mosaic.calibration)
-            except InputError:
-                raise InputError(
-                    f"a report shows pictures in sRGB, and the colours of {self.mosaic.calibration.channels} are not known: "
-                    "calibrate the camera (panchroma calibrate), or leave `report` out"
-                ) from None
 
     def prepare(self, progress: Progress) -> None:
         """Align and merge the frames."""
@@ -140,27 +127,13 @@ class BurstSubject(Subject):
         from offline.burst import render_burst_bands
 
         if self._merged is None or self._left == 1:
-            bands = super().bands(progress)
-        else:
-            self.lost, bands = self._merged.lost, render_burst_bands(self._merged, self.settings, progress)
-        if self._reported:
-            self._shown = Shown(self.mosaic, self._order.exposure)
-            bands = self._shown.taken(bands)
-        return bands
+            return super().bands(progress)
+        self.lost = self._merged.lost
+        return render_burst_bands(self._merged, self.settings, progress)
 
     def _given_up(self) -> Mosaic:
         """The reference, which stays."""
         return self.mosaic
-
-    def beside(self, progress: Progress) -> list[bytes]:
-        """Return the report on the burst, if there is to be one, once the last band of the picture has been taken."""
-        if self._shown is None:
-            return []
-        alone = Shown(self.mosaic, self._order.exposure)
-        for _ in alone.taken(super().bands(progress)):
-            pass
-        shares = None if self._merged is None else self._merged.shares
-        return [page(self.frames, self._reference, shares, alone, self._shown)]
 
     def facts(self) -> dict[str, Any]:
         """What became of each frame, for machines."""

@@ -61,10 +61,6 @@ class Subject:
         del self.mosaic
         return mosaic
 
-    def beside(self, progress: Progress) -> list[bytes]:
-        """Return the contents of the files beside the picture (`Job.outputs`), once its last band has been taken."""
-        return []
-
     def facts(self) -> dict[str, Any]:
         """What is special about the picture, for machines."""
         return {}

@@ -19,8 +19,8 @@ from shared import CaptureMetadata
 from shared.arrays import CodeArray, DoubleArray, FloatArray
 from shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from shared.dng import metadata_from
-from shared.dng.exif_reading import WANTED, printable
-from shared.dng.tags import Tag
+from shared.dng.exif import WANTED, printable
+from shared.dng.tags import TAG
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS, between
 from shared.reading import MAX_PIXELS
@@ -37,7 +37,7 @@ NEEDED = ("rawpy",)
 """Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less than they take."""
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
+_COLOR_MATRICES = ((TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"]), (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"]))
 _COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}

@@ -11,7 +11,7 @@ from tifffile import TIFF, TiffFile, TiffPage
 from shared.arrays import DoubleArray, FloatArray
 from shared.dng import metadata_from
 from shared.dng.reader import DngReader
-from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
+from shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import check_directories
@@ -24,8 +24,8 @@ from .file_size import check_pieces, data_bytes
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
-_LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, Tag.BLACK_LEVEL_REPEAT_DIM, Tag.BLACK_LEVEL)
-_READ = {*TIFF.TAG_LOAD, *_LEVELS, Tag.WHITE_LEVEL, Tag.AS_SHOT_NEUTRAL}  # nothing else is, such as an original RAW inside
+_LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, TAG["BlackLevelRepeatDim"], TAG["BlackLevel"])
+_READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}  # nothing else is, such as an original RAW inside
 _DEFLATE = (8, 32946)
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
@@ -55,7 +55,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             integers = page.compression in tuple(Compression) and page.dtype is not None and page.dtype.kind == "u"
             samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES) if integers else page.asarray(maxworkers=1)
             rgb = _levelled(samples, page)
-            stated = tag_numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
+            stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
     as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
     gone, directories = clipped_share(rgb, 1.0, SHOULDER) if integers else None, raw_directories(path)
     return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
@@ -128,7 +128,7 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
-    stated = tag_numbers(page, Tag.WHITE_LEVEL)
+    stated = tag_numbers(page, TAG["WhiteLevel"])
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
@@ -139,8 +139,8 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    rows, columns = (tag_numbers(page, Tag.BLACK_LEVEL_REPEAT_DIM).astype(int).tolist() or [1, 1])[:2]
-    stated = tag_numbers(page, Tag.BLACK_LEVEL)
+    rows, columns = (tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1])[:2]
+    stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
         raise InputError(f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; copy it again")
     black: DoubleArray = np.zeros((1, 1, 3)) + (stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum())

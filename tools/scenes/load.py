@@ -14,7 +14,7 @@ import numpy as np
 
 from shared import read_dng
 from shared.arrays import CodeArray
-from shared.dng.tags import MAKER, Tag
+from shared.dng.tags import MAKER, TAG
 from shared.errors import ForeignFileError, InputError
 from shared.reading import MAX_PIXELS, opened_file
 from shared.spelling import closest
@@ -223,13 +223,13 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
 
     try:
         with path.open("rb") as stream:
-            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, Tag.DNG_PRIVATE_DATA})
+            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, TAG["DNGPrivateData"]})
         with tifffile.TiffFile(path, **PLAIN) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
-            private = [directory.tags.get(Tag.DNG_PRIVATE_DATA) for directory in directories]
+            private = [directory.tags.get(TAG["DNGPrivateData"]) for directory in directories]
             is_shot = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
-            return is_shot, Tag.DNG_VERSION in first.tags
+            return is_shot, TAG["DNGVersion"] in first.tags
     except Exception:  # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
         return _mentions(path, MAKER.encode()), False
 

@@ -8,9 +8,9 @@ from device import Preview
 from device.preview import preview as runtime
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from shared.arrays import CodeArray
-from shared.colorimetry import encode_srgb
 from shared.errors import InputError
 from tools.camera.sensor import sample, simulate_additive
+from tools.scenes.colour import encode_srgb
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:

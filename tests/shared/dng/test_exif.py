@@ -1,6 +1,7 @@
+import dataclasses
 import math
 import struct
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import datetime
 from io import BytesIO
 from typing import Any
@@ -11,9 +12,8 @@ from PIL import Image
 
 from shared import CaptureMetadata
 from shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
-from shared.dng.exif import TEXTS
-from shared.dng.exif_reading import text
-from shared.dng.tags import GpsTag, Tag
+from shared.dng.exif import TEXTS, text
+from shared.dng.tags import GPS, TAG
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from shared.tiff_reading import read_directories
 from tests.shared.dng.examples import METADATA, mosaic, preview
@@ -30,11 +30,11 @@ def survivor(metadata: CaptureMetadata) -> CaptureMetadata:
 
 
 def test_everything_survives() -> None:
-    assert all(getattr(METADATA, field.name) != field.default for field in fields(METADATA))
+    assert all(getattr(METADATA, field.name) != field.default for field in dataclasses.fields(METADATA))
     assert survivor(METADATA) == METADATA
 
 
-@pytest.mark.parametrize("field", [field.name for field in fields(CaptureMetadata)])
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(CaptureMetadata)])
 def test_each_field_is_there_alone_or_not_at_all(field: str) -> None:
     alone = replace(CaptureMetadata(), **{field: getattr(METADATA, field)})
     assert survivor(alone) == alone
@@ -63,60 +63,44 @@ def test_the_block_is_what_picture_files_hold() -> None:
     file = BytesIO()
     Image.new("RGB", (8, 8)).save(file, "JPEG", exif=b"Exif\0\0" + exif_block(METADATA))
     exif = Image.open(file).getexif()
-    detail = exif.get_ifd(Tag.EXIF_IFD)
-    assert detail[Tag.DATE_TIME_ORIGINAL] == "2014:03:09 07:05:01"
-    assert exif[Tag.MAKE] == METADATA.make
-    assert exif[Tag.ORIENTATION] == 6
-    assert exif[Tag.DATE_TIME] == "2014:03:09 07:05:01"
-    assert detail[Tag.OFFSET_TIME_ORIGINAL] == "+05:30"
-    assert exif.get_ifd(Tag.GPS_IFD)[GpsTag.LATITUDE] == (33, 51, pytest.approx(25.34, abs=1e-4))
-    assert detail[Tag.SUB_SEC_TIME_ORIGINAL] == "0203"
-    assert detail[Tag.ISO_SPEED_RATINGS] == 640
-    exposure: Any = detail[Tag.EXPOSURE_TIME]
+    detail, place = exif.get_ifd(TAG["ExifTag"]), exif.get_ifd(TAG["GPSTag"])
+    assert (exif[TAG["Make"]], exif[TAG["DateTime"]]) == ("Contax", "2014:03:09 07:05:01")
+    assert exif[TAG["Orientation"]] == 6
+    names = "DateTimeOriginal", "OffsetTimeOriginal", "SubsecTimeOriginal", "ISOSpeedRatings"
+    assert [detail[TAG[name]] for name in names] == ["2014:03:09 07:05:01", "+05:30", "0203", 640]
+    assert place[GPS["GPSLatitude"]] == (33, 51, pytest.approx(25.34, abs=1e-4))
+    exposure: Any = detail[TAG["ExposureTime"]]
     assert (exposure.numerator, exposure.denominator) == (1, 250)  # the fraction that people know
 
 
-def stored(main: Fields, exif: Fields | None = None, gps: Fields | None = None) -> bytes:
-    """A TIFF structure with these fields."""
-    below: dict[int, Directory] = {Tag.EXIF_IFD: Directory(exif or {}), Tag.GPS_IFD: Directory(gps or {})}
-    return encode_tiff(Directory(main, (), below))
+def fields(**values: Any) -> Fields:
+    """Fields by the names of their tags."""
+    return {TAG[name]: value for name, value in values.items()}
 
 
 def read(main: Fields, exif: Fields | None = None, gps: Fields | None = None) -> CaptureMetadata:
-    return read_metadata(BytesIO(stored(main, exif, gps)))
+    """Read a TIFF structure with these fields."""
+    below = {TAG["ExifTag"]: Directory(exif or {}), TAG["GPSTag"]: Directory(gps or {})}
+    return read_metadata(BytesIO(encode_tiff(Directory(main, (), below))))
 
 
 @pytest.mark.parametrize(
-    "exif",
+    "odd",
     [
-        {Tag.EXPOSURE_TIME: (RATIONAL, struct.pack("<2I", 1, 0))},
-        {Tag.EXPOSURE_TIME: (ASCII, "soon"), Tag.F_NUMBER: (RATIONAL, b""), Tag.ISO_SPEED_RATINGS: (SHORT, [0])},
-        {Tag.F_NUMBER: (FieldType.SRATIONAL, [-2.8]), Tag.FOCAL_LENGTH: (FieldType.DOUBLE, [math.inf])},
-        {Tag.LENS_MODEL: (SHORT, [35]), Tag.DATE_TIME_ORIGINAL: (ASCII, "yesterday"), Tag.SUB_SEC_TIME_ORIGINAL: (SHORT, [7])},
-        {Tag.DATE_TIME_ORIGINAL: (ASCII, "0000:00:00 00:00:00"), Tag.FOCAL_LENGTH: (FieldType.DOUBLE, [2.0**40])},
-        {Tag.OFFSET_TIME_ORIGINAL: (ASCII, "local"), Tag.OFFSET_TIME: (SHORT, [1])},
+        fields(ExposureTime=(RATIONAL, struct.pack("<2I", 1, 0)), FNumber=(RATIONAL, b"")),
+        fields(ExposureTime=(ASCII, "soon"), FNumber=(FieldType.SRATIONAL, [-2.8])),
+        fields(FocalLength=(FieldType.DOUBLE, [math.inf]), DateTimeOriginal=(ASCII, "yesterday")),
+        fields(FocalLength=(FieldType.DOUBLE, [2.0**40]), DateTimeOriginal=(ASCII, "0000:00:00")),
+        fields(OffsetTimeOriginal=(ASCII, "local"), OffsetTime=(SHORT, [1]), LensModel=(SHORT, [35])),
+        fields(ISOSpeedRatings=(SHORT, [0]), SubsecTimeOriginal=(SHORT, [7])),
     ],
 )
-def test_odd_fields_count_as_not_there(exif: Fields) -> None:
-    assert read({Tag.MAKE: (SHORT, [1]), Tag.ORIENTATION: (SHORT, [9])}, exif) == CaptureMetadata()
-
-
-def test_the_odd_field_costs_no_other() -> None:
-    exif: Fields = {
-        Tag.F_NUMBER: (RATIONAL, struct.pack("<2I", 0, 0)),
-        Tag.ISO_SPEED_RATINGS: (SHORT, [640, 200]),
-        Tag.FOCAL_LENGTH: (RATIONAL, [35]),
-        Tag.DATE_TIME_ORIGINAL: (ASCII, ""),
-        Tag.LENS_MODEL: (ASCII, "f/2"),
-    }
-    main: Fields = {Tag.ORIENTATION: (SHORT, [0]), Tag.DATE_TIME: (ASCII, "2014:03:09 07:05:01"), Tag.ARTIST: (ASCII, "J")}
-    assert read(main, exif) == CaptureMetadata(
-        lens="f/2",
-        artist="J",
-        focal_length=35.0,
-        iso=640,
-        taken=datetime(2014, 3, 9, 7, 5, 1),  # noqa: DTZ001
-    )
+def test_odd_fields_count_as_not_there_and_cost_no_other(odd: Fields) -> None:
+    nonsense = fields(Make=(SHORT, [1]), Orientation=(SHORT, [9]))
+    assert read(nonsense, odd) == CaptureMetadata()
+    fine = fields(Artist=(ASCII, "J"), DateTime=(ASCII, "2014:03:09 07:05:01"))
+    taken = datetime(2014, 3, 9, 7, 5, 1)  # noqa: DTZ001
+    assert read(nonsense | fine, odd) == CaptureMetadata(artist="J", taken=taken)
 
 
 @pytest.mark.parametrize(
@@ -135,36 +119,27 @@ def test_the_odd_field_costs_no_other() -> None:
     ids=lambda value: repr(value)[:30],
 )
 def test_texts_are_read_as_they_were_meant(data: bytes, expected: str) -> None:
-    assert read({Tag.COPYRIGHT: (ASCII, data)}) == CaptureMetadata(copyright=expected)
+    assert read(fields(Copyright=(ASCII, data))) == CaptureMetadata(copyright=expected)
 
 
 def test_a_place_is_whole_or_not_there() -> None:
-    latitude, longitude = struct.pack("<6I", 33, 1, 51, 1, 25, 1), struct.pack("<6I", 151, 1, 12, 1, 40, 1)
-    whole: Fields = {1: (ASCII, "S"), 2: (RATIONAL, latitude), 3: (ASCII, "E"), 4: (RATIONAL, longitude)}
+    latitude, longitude = [33, 1, 51, 1, 25, 1], struct.pack("<6I", 151, 1, 12, 1, 40, 1)
+    whole: Fields = {1: (ASCII, "S"), 2: (RATIONAL, struct.pack("<6I", *latitude))}
+    whole |= {3: (ASCII, "E"), 4: (RATIONAL, longitude)}
     assert read({}, None, whole).place == pytest.approx((-33.856944, 151.211111), abs=1e-6)
-    for odd in (
-        {1: (SHORT, [83])},
-        {1: (ASCII, "?")},
-        {2: (ASCII, "33")},
-        {2: (RATIONAL, latitude[:16])},
-        {2: (FieldType.SRATIONAL, [-33.0, 51, 25])},
-        {2: (FieldType.DOUBLE, [33.5, 51, 25])},
-        {2: (RATIONAL, struct.pack("<6I", 33, 0, 51, 1, 25, 1))},
-        {2: (RATIONAL, struct.pack("<6I", 95, 1, 51, 1, 25, 1))},
-    ):
-        assert read({}, None, {**whole, **odd}) == CaptureMetadata(), odd
-    without_north: Fields = {tag: value for tag, value in whole.items() if tag != 1}
-    assert read({}, None, without_north).place is None
-    assert read({}, None, {5: (ASCII, "below"), 6: (RATIONAL, [40])}).altitude is None  # 40 m above the sea, or below?
+    assert read({}, None, {tag: value for tag, value in whole.items() if tag != 1}).place is None
+    halves = latitude[:4], [33, 0, *latitude[2:]], [95, *latitude[1:]]
+    wrong: list[Any] = [(ASCII, "33"), (FieldType.SRATIONAL, [-33.0, 51, 25]), (FieldType.DOUBLE, [33.5, 51, 25])]
+    wrong += [(RATIONAL, struct.pack(f"<{len(parts)}I", *parts)) for parts in halves]
+    for tag, odd in [(1, (SHORT, [83])), (1, (ASCII, "?")), *((2, value) for value in wrong)]:
+        assert read({}, None, whole | {tag: odd}) == CaptureMetadata(), odd
+    # 40 m above the sea, or below?
+    assert read({}, None, {5: (ASCII, "below"), 6: (RATIONAL, [40])}).altitude is None
 
 
-def test_exif_in_the_first_directory_is_found_as_tiff_ep_has_it() -> None:
-    assert read({Tag.EXPOSURE_TIME: (RATIONAL, [0.5])}) == CaptureMetadata(exposure_time=0.5)
-
-
-def test_fields_without_a_name_of_ours_are_left_out() -> None:
-    """Shots of earlier versions carry them along."""
-    exif: Fields = {37385: (SHORT, [16]), 42034: (RATIONAL, [24, 70, 2, 4]), Tag.OFFSET_TIME: (ASCII, "-03:00")}
+def test_exif_in_the_first_directory_is_found_and_what_has_no_name_of_ours_is_left_out() -> None:
+    assert read(fields(ExposureTime=(RATIONAL, [0.5]))) == CaptureMetadata(exposure_time=0.5)
+    exif = fields(LightSource=(SHORT, [16]), OffsetTime=(ASCII, "-03:00"))
     assert read({}, exif, {29: (ASCII, "2024:05:01")}) == CaptureMetadata(zone="-03:00")
 
 
@@ -180,7 +155,8 @@ def test_a_torn_structure_is_no_error(cut: int) -> None:
     found = read_metadata(BytesIO(bytes(flipped)))
     assert exif_block(found)
     again = survivor(found)
-    numbers = {name: getattr(again, name) for name in ("exposure_time", "f_number", "focal_length", "altitude")}
+    names = ("exposure_time", "f_number", "focal_length", "altitude")
+    numbers = {name: getattr(again, name) for name in names}
     assert again == replace(found, **numbers)  # of 32 bits, which are written in 31
     assert numbers == pytest.approx({name: getattr(found, name) for name in numbers})
 
@@ -188,17 +164,16 @@ def test_a_torn_structure_is_no_error(cut: int) -> None:
 def test_what_hostile_files_hold_fits_a_jpeg() -> None:
     long = b"\xf0\x9f\x8c\x8d" * 10**5
     texts: Fields = dict.fromkeys(TEXTS.values(), (ASCII, long))
-    exif: Fields = dict.fromkeys((Tag.LENS_MODEL, Tag.OFFSET_TIME_ORIGINAL), (ASCII, long))
-    gps: Fields = dict.fromkeys(GpsTag, (ASCII, long))
+    exif: Fields = dict.fromkeys((TAG["LensModel"], TAG["OffsetTimeOriginal"]), (ASCII, long))
+    gps: Fields = dict.fromkeys(range(7), (ASCII, long))
     found = read(texts, exif, gps)
     assert found.artist
     assert 10_000 < len(exif_block(found)) < 60_000
 
 
 def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
-    data = encode_dng(mosaic(), preview())
-    fields = read_directories(BytesIO(data), {Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL}).main
-    named = [text(fields[tag]) for tag in (Tag.MAKE, Tag.MODEL, Tag.UNIQUE_CAMERA_MODEL)]
-    assert named == ["Panchroma", *["Panchroma Pr?fling 7"] * 2]
+    tags = [TAG[name] for name in ("Make", "Model", "UniqueCameraModel")]
+    main = read_directories(BytesIO(encode_dng(mosaic(), preview())), set(tags)).main
+    assert [text(main, tag) for tag in tags] == ["Panchroma", *["Panchroma Pr?fling 7"] * 2]
     odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd

@@ -11,8 +11,8 @@ import rawpy
 from PIL import Image
 from tifffile import TiffFile
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.dng import Layout, encode_dng, read_dng, read_preview, write_dng
+from shared import CfaPattern, Mosaic
+from shared.dng import encode_dng, read_dng, read_preview, write_dng
 from shared.lights import CalibratedLight
 from tests.exiftool import exiftool
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
@@ -21,26 +21,24 @@ LIGHTS = (
     CalibratedLight("A", ((0.7, 0.2, 0.1), (0.2, 0.9, -0.1), (0.0, -0.3, 2.1)), (1.0, 0.9, 0.5)),
     CalibratedLight("D65", ((1.2, 0.2, 0.1), (0.4, 0.9, -0.2), (0.0, -0.2, 1.1)), (0.6, 0.9, 1.0)),
 )
-CASES: list[tuple[Mosaic, Layout]] = [
-    (mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))), "cfa"),
-    (mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)), "cfa"),
-    (mosaic(CfaPattern.bayer(6), (64, 48), calibration(bits=14)), "linear"),
-    (mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)), "cfa"),
-    (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=SensorCalibration.of_bits(12).black_level)), "auto"),
-    (mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))), "auto"),
-    (mosaic(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)), (45, 33)), "cfa"),
-    (mosaic(CfaPattern.bayer(6), (40, 52), calibration(camera_to_xyz=None, lights=LIGHTS)), "cfa"),
-    (mosaic(CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"), (64, 51)), "linear"),
-    (mosaic(CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0)), (33, 40), calibration("YCM", camera_to_xyz=None)), "cfa"),
-    (mosaic(CfaPattern.of_letters("RWWWW/WBWWW/WWWWW/WWWWW/WWWWW")), "auto"),
-    (mosaic(CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW", (2, 2)), (50, 61)), "auto"),
-    (mosaic(CfaPattern((*["RWGWBWGWBW", "WGWRWBWRWG"] * 4, "RWGWBWGWBW", "WBWRWGWRWB"))), "auto"),
+YELLOW = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0))
+CASES = [
+    mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))),
+    mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)),
+    mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)),
+    mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=(256.0,) * 4)),
+    mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))),
+    mosaic(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)), (45, 33)),
+    mosaic(CfaPattern.bayer(6), (40, 52), calibration(camera_to_xyz=None, lights=LIGHTS)),
+    mosaic(YELLOW, (33, 40), calibration("YCM", camera_to_xyz=None)),
+    mosaic(CfaPattern.with_block(("RW", "WB"), 5)),
+    mosaic(CfaPattern.with_block(("ABCD", "EFGH"), 5, (2, 2)), (50, 61)),
 ]
 
 
-@pytest.mark.parametrize(("original", "layout"), CASES)
-def test_tifffile_and_libraw_read_the_very_samples(original: Mosaic, layout: Layout) -> None:
-    data = encode_dng(original, preview(), layout)
+@pytest.mark.parametrize("original", CASES)
+def test_tifffile_and_libraw_read_the_very_samples(original: Mosaic) -> None:
+    data = encode_dng(original, preview())
     with TiffFile(BytesIO(data)) as file:
         np.testing.assert_array_equal(file.pages.first.pages[0].asarray(), original.codes)
     with rawpy.imread(BytesIO(data)) as raw:
@@ -62,8 +60,8 @@ def test_every_viewer_shows_the_preview(tmp_path: Path) -> None:
 
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
-    for number, (original, layout) in enumerate(CASES):
-        write_dng(tmp_path / f"{number}.dng", original, preview(), layout=layout)
+    for number, original in enumerate(CASES):
+        write_dng(tmp_path / f"{number}.dng", original, preview())
     verdicts = exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path).decode()
     assert verdicts.split() == ["OK"] * len(CASES)
 
@@ -71,37 +69,39 @@ def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
 def test_exiftool_shows_metadata_and_preview(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
     write_dng(path, mosaic(), preview())
-    shown = exiftool("-s3", "-Artist", "-LensModel", "-ExposureTime", "-ISO", "-SubSecDateTimeOriginal", path).decode()
-    assert shown.splitlines() == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.0203+05:30"]
+    tags = ["-Artist", "-LensModel", "-ExposureTime", "-ISO", "-SubSecDateTimeOriginal"]
+    shown = exiftool("-s3", *tags, path).decode().splitlines()
+    assert shown == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.0203+05:30"]
     assert exiftool("-b", "-PreviewImage", path) == read_preview(path)
 
 
 def test_an_edit_is_read_back_and_costs_nothing(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
     write_dng(path, mosaic(), preview())
-    edits = ["-Artist=Zoë", "-ISO=100", "-Orientation#=1", "-XMP:Rating=3", "-DateTimeOriginal=2020:01:02 03:04:05"]
-    exiftool("-q", "-overwrite_original", *edits, path)
+    edits = ["-Artist=Zoë", "-ISO=100", "-Orientation#=1", "-XMP:Rating=3"]
+    exiftool("-q", "-overwrite_original", *edits, "-DateTimeOriginal=2020:01:02 03:04:05", path)
     read = read_dng(path)
     assert same(read, mosaic())
     taken = METADATA.taken.replace(2020, 1, 2, 3, 4, 5)
     assert read.metadata == replace(METADATA, artist="Zoë", iso=100, orientation=1, taken=taken)
 
 
-@pytest.mark.parametrize("case", [1, 4])
+@pytest.mark.parametrize("case", [1, 3])
 def test_a_rebuild_from_nothing_costs_nothing(tmp_path: Path, case: int) -> None:
     path = tmp_path / "shot.dng"
-    original, layout = CASES[case]
-    write_dng(path, original, preview(), layout=layout)
-    exiftool("-q", "-q", "-overwrite_original", "-all=", "-tagsfromfile", "@", "-all:all", "-unsafe", path)
+    original = CASES[case]
+    write_dng(path, original, preview())
+    exiftool(*["-q", "-q", "-overwrite_original", "-all=", "-tagsfromfile", "@", "-all:all", "-unsafe"], path)
     read = read_dng(path)
     assert same(read, original)
     # It copies the length as it prints it.
     assert replace(read.metadata, focal_length=METADATA.focal_length) == METADATA
 
 
-@pytest.mark.parametrize(("original", "layout"), CASES)
-def test_adobe_reads_the_very_samples(tmp_path: Path, original: Mosaic, layout: Layout, capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("original", CASES)
+def test_adobe_reads_the_very_samples(tmp_path: Path, original: Mosaic, capfd: pytest.CaptureFixture[str]) -> None:
     dngpy = pytest.importorskip("dngpy", reason="Adobe's DNG SDK is not installed")
-    write_dng(tmp_path / "shot.dng", original, preview(), layout=layout)
-    np.testing.assert_array_equal(np.squeeze(dngpy.Dng(str(tmp_path / "shot.dng")).raw_pixels), original.codes)
+    write_dng(tmp_path / "shot.dng", original, preview())
+    samples = np.squeeze(dngpy.Dng(str(tmp_path / "shot.dng")).raw_pixels)
+    np.testing.assert_array_equal(samples, original.codes)
     assert "Error" not in capfd.readouterr().err  # it says there when the digest is wrong

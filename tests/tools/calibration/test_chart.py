@@ -8,7 +8,7 @@ import pytest
 
 from shared import Mosaic
 from shared.arrays import FloatArray
-from shared.colorimetry import D50, Matrix, as_rows, lab_to_xyz, xyz_to_lab
+from shared.colorimetry import D50, Matrix, as_rows
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import HEIGHT, REFERENCE, WIDTH, chart, frame, true_place
 from tools.calibration.chart import find
@@ -18,6 +18,7 @@ from tools.calibration.chart.picture import linear_picture
 from tools.calibration.chart.place import ChartPlace, least_pitch
 from tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
 from tools.pictures.colour_difference import delta_e_2000, lab_slopes
+from tools.scenes.colour import lab_to_xyz, xyz_to_lab
 from tools.scenes.perspective import rectangle
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.

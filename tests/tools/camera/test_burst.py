@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from offline import burst as merged
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.motion import Motion
 from tools.camera.burst import MovingThing, SimulatedBurst, burst_frames, reduced, tremor
-from tools.camera.motion import displaced, reach
+from tools.camera.motion import Motion, displaced, reach
 from tools.scenes.drawn.builtin import builtin_scene
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
@@ -60,7 +60,7 @@ def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
         shape = frame.rgb.shape
         assert shape == reference.shape
         down, across = np.indices((shape[0], shape[1]), np.float32)
-        at = frame.motion.back(down, across, (shape[0], shape[1]))  # what its pixels see
+        at = merged.Motion(*frame.motion).back(down, across, (shape[0], shape[1]))  # what its pixels see
         expected = reference[0, 0, :2] + pixel * np.stack(at, axis=-1)
         np.testing.assert_allclose(frame.rgb[..., :2], expected, atol=0.01 * pixel)
 
@@ -192,7 +192,7 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     seen = displaced(waves(grid(SHAPE)), motion)
     # The points of the reference that the pixels of the frame see.
     down, across = np.indices(SHAPE, np.float32)
-    points: DoubleArray = np.stack(motion.back(down, across, SHAPE), axis=-1).astype(np.float64)
+    points: DoubleArray = np.stack(merged.Motion(*motion).back(down, across, SHAPE), axis=-1).astype(np.float64)
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE

@@ -1,7 +1,6 @@
 """`panchroma burst`: frames in, one picture out; what does not fit is named, and nothing is lost."""
 
 import json
-import math
 import re
 import shutil
 from collections.abc import Callable, Sequence
@@ -186,10 +185,8 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
 def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: Path) -> None:
     for number in (2, 3):
         save_shot(frame(frames, number), shape=(50 + number, 60))
-    outcome = merged(frames, out, "--report", out)
+    outcome = merged(frames, out)
     assert f"{frame(frames, 1)}: is the only frame that is left; the picture is that of one shot" in outcome.err
-    page = (out / f"{STEM}.html").read_text()
-    assert ("1 of 3 frames are in the picture" in page, "They are the same." in page) == (True, True)
     run("render", frame(frames, 1), "-o", tmp_path / "one", "--preset", "unlearned", code=0)
     assert (out / f"{STEM}.tif").read_bytes() == (tmp_path / "one" / f"{STEM}-1.tif").read_bytes()
 
@@ -198,45 +195,30 @@ def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: 
 
 
 def test_what_exists_stays(taken: Path, out: Path) -> None:
-    (out / f"{STEM}.html").write_text("mine")
-    assert_refused(run("burst", taken, "-o", out, "--report", out), "exists already; use --overwrite", name=f"{out / STEM}.html")
-    assert_refused(run("burst", taken, "-o", out, "--report", out, "--resume"), "no render noted", name=f"{out / STEM}.html")
-    assert contents(out) == {f"{STEM}.html": b"mine"}
+    (out / f"{STEM}.tif").write_text("mine")
+    assert_refused(run("burst", taken, "-o", out), "exists already; use --overwrite", name=f"{out / STEM}.tif")
+    assert_refused(run("burst", taken, "-o", out, "--resume"), "no render noted", name=f"{out / STEM}.tif")
+    assert contents(out) == {f"{STEM}.tif": b"mine"}
 
 
 def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
-    resume = ("--resume", "--report", out, "--json", "--dry-run")
-    page = out / f"{STEM}.html"
-    merged(frames, out, "--report", out)
+    resume = ("--resume", "--json", "--dry-run")
+    picture = out / f"{STEM}.tif"
+    merged(frames, out)
     assert merged(frames, out, *resume).records[0].get("current")
-    page.unlink()
+    picture.unlink()
     assert not merged(frames, out, *resume).records[0].get("current")
-    merged(frames, out, "--resume", "--report", out)
+    merged(frames, out, "--resume")
     assert merged(frames, out, *resume).records[0].get("current")
     for more in (("--reference", frame(frames, 2)), ("--exposure", "1"), ("--shifts", "0,0", "0,1", "1,0")):
         assert not merged(frames, out, *resume, *more).records[0].get("current")
-    page.write_text("edited")
+    picture.write_text("edited")
     save_shot(frame(frames, 4), shape=(60, 70))
-    merged(frames, out, "--resume", "--report", out)
-    assert (out / f"{page.name}.bak").read_text() == "edited"
-    assert "3 of 4 frames" in page.read_text()
+    merged(frames, out, "--resume")
+    assert (out / f"{picture.name}.bak").read_text() == "edited"
 
 
 def test_a_dry_run_makes_nothing(taken: Path, tmp_path: Path) -> None:
-    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report", tmp_path / "page", code=0)
+    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", code=0)
     assert outcome.out == f"{frame(taken, 1)} -> {tmp_path / 'new' / STEM}.tif\n"
     assert names(tmp_path) == set()
-
-
-# --- the report -----------------------------------------------------------------------------------------------------------------
-
-
-def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path) -> None:
-    odd = save_shot(frame(frames, 4), shape=(60, 70))
-    merged(frames, out, "--report", out, "--exposure", "0.5")
-    page = (out / f"{STEM}.html").read_text()
-    for words in ("3 of 4 frames are in the picture", f"{odd.name}: it has 70 x 60 pixels", "Where frames were merged", "Motion"):
-        assert words in page
-    assert str(odd.parent) not in page  # it may be shared
-    assert page.count("<img ") == 2 + 2 * page.count('class="twins"') + 1
-    assert not math.isnan(float(re.search(r"picture: ([\d.]+) times", page)[1]))

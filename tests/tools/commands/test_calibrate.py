@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
-from shared.colorimetry import D50, lab_to_xyz, xyz_to_lab
+from shared.colorimetry import D50
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
 from tests.tools.command import repeated, run
@@ -18,6 +18,7 @@ from tools.calibration.files import write_camera
 from tools.calibration.reference import check_order, read_reference, ti3
 from tools.camera.sensor import typical_noise
 from tools.commands.calibrate import color_checker_xyz
+from tools.scenes.colour import lab_to_xyz, xyz_to_lab
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 

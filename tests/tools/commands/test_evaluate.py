@@ -1,4 +1,4 @@
-"""`panchroma evaluate` and `design`, as a person or a script uses them."""
+"""`panchroma evaluate`, as a person or a script uses it."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,6 @@ from PIL import Image
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
-from tools.camera.pattern_text import read_pattern
 
 
 def times(folder: Path) -> dict[Path, int]:
@@ -62,7 +61,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
-    assert len(after) == len(kept) + 6 + 2  # of the drawn strokes
+    assert len(after) == len(kept) + 6
     assert (out / "evaluation.html").read_text() == page
 
 
@@ -123,41 +122,3 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
     alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
     assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
-
-
-# --- the search for a tile --------------------------------------------------------------------------------------------------------
-
-BUDGET = ("--sizes", "3", "--steps", "3", "--share", "0.6", "0.7")
-
-
-def test_from_light_to_letters_and_a_page(out: Path) -> None:
-    options = ("-o", out, *BUDGET, "--photons", "5000", "50", "--read-noise", "2", "--json")
-    slow = ("--photographs", "builtin:120x90", "--crop", "60", "--workers", "1")
-    outcome = run("design", *options, *slow, code=0)
-    best, names = outcome.records[0], [record["name"] for record in outcome.records]
-    assert all(read_pattern(record["pattern"]).period == 3 for record in outcome.records if record["name"].isdigit())
-    assert {"1", "2", "K=6", "K=4", "kodak"} <= set(names)
-    scores = [record["score"] for record in outcome.records]
-    assert scores == sorted(scores, reverse=True)
-    measured = [each[name] for each in best["slow"].values() for name in ("worst", "whole")]
-    assert scores[0] == pytest.approx(sum(measured) / 4)
-    for record in outcome.records:
-        for judge in ("fast", "slow"):
-            bright, dark = record[judge]["5,000 photons"], record[judge]["50 photons"]
-            assert bright["whole"] > dark["whole"]
-    page = (out / "design.html").read_text()
-    assert all(record["pattern"] in page for record in outcome.records)
-    assert "rank correlation" in page
-    assert len(json.loads((out / "judged.json").read_text())["tiles"]) >= sum(map(str.isdigit, names))
-
-    # Again: refused; with --overwrite nothing is judged or measured again.
-    assert "design.html: exists already" in run("design", *options).err
-    kept = times(out / "results")
-    assert run("design", *options, *slow, "--overwrite").records == outcome.records
-    assert times(out / "results") == kept
-
-
-def test_a_photograph_that_is_not_there_is_named(out: Path) -> None:
-    said = run("design", "-o", out, *BUDGET, "--photographs", "nowhere.png", code=2).err
-    assert "nowhere.png" in said
-    assert "no scene could be read" in said

@@ -1,4 +1,4 @@
-"""`panchroma preview` and `export-preview`: the command gives what the camera gives, and the graph that gives it."""
+"""`panchroma preview`: the command gives what the camera gives, and the graph that gives it."""
 
 import json
 from dataclasses import replace
@@ -89,17 +89,10 @@ def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path)
     assert distance(tmp_path / "shot.jpg", expected) < JPEG_LOSS < distance(expected, picture(source))
 
 
-@pytest.mark.parametrize(
-    ("options", "expected"),
-    [
-        ("", build_preview(CfaPattern.bayer(6))),
-        ("--pattern GBWW/RGWW/WWWW/WWWW", build_preview(CfaPattern.bayer(4, "GBRG"))),
-        ("--scale 3", build_preview(CfaPattern.bayer(6), 3)),
-        ("--space camera --period 4", build_preview(CfaPattern.bayer(4), linear=True)),
-    ],
-)
-def test_the_graph_is_the_one_asked_for(tmp_path: Path, options: str, expected: bytes) -> None:
-    path = tmp_path / "g.onnx"
-    outcome = run("export-preview", "-o", path, *options.split(), code=0)
-    assert path.read_bytes() == expected
-    assert outcome.out == f"{path}: {len(expected)} bytes\n"
+@pytest.mark.parametrize("scale", [1, 3])
+def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> None:
+    path, source = tmp_path / "g.onnx", shot(tmp_path / "shot.dng", CfaPattern.bayer(6, "GBRG", (2, 3)))
+    outcome = run("preview", source, "--export", path, "--scale", str(scale), code=0)
+    assert path.read_bytes() == build_preview(CfaPattern.bayer(6, "GBRG"), scale)
+    assert outcome.out == f"{path}: {path.stat().st_size} bytes\n"
+    assert not (tmp_path / "shot.jpg").exists()

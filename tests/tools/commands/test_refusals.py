@@ -14,7 +14,6 @@ from shared import Camera, CfaPattern, SensorCalibration
 from tests.tools.command import contents, run
 
 FRAMES = "--width 128 --height 96 --pixel-format raw12"
-SHORT = "--sizes 3 --steps 3"
 
 # Misspelt arguments: the likely word, after one line of usage.
 MISSPELT = {
@@ -135,29 +134,19 @@ USAGE = {
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--max-memory 1M": "no scene could be read",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
-        "--show x --methods bilinear": "--show: ",
-    },
-    f"design -o out {SHORT}": {
-        "--sigma 0.01 --photons 100": "--sigma and --photons",
-        "--worst 0 --whole 0": "nothing matters",
-        "--channels RRG": "--channels is 'RRG'",
-        "--sizes 99": "--sizes holds 99",
-        "--channels RB --photographs builtin:60x60": "no render fills in",
-        "--photons 0": "--photons is 0",
     },
     "demo": {
         "--sigma -1": "--sigma is -1.0",
         "--sigma nan": "--sigma is nan",
         "--burst 1": "--burst is 1, expected 2 frames or more",
     },
-    "export-preview": {
-        "-o g.txt": "g.txt: a graph has a name that ends in .onnx; write g.onnx",
-        "-o g.onnx --scale 4": "has 1, 2, 3, 6",
-        "-o g.onnx --period 2": "the period is 2, expected 3 to 16",
-        "-o g.onnx --like shot.dng --period 6": "leave --pattern and --period out",
-        "-o g.onnx --like gone.dng": "gone.dng: there is no such file",
-        "-o missing/g.onnx": "the folder missing does not exist",
-        "-o mine.onnx": "mine.onnx: exists already; use --overwrite",
+    "preview shot.dng": {
+        "": "-o is missing: the folder for the previews",
+        "--export g.txt": "g.txt: a graph has a name that ends in .onnx; write g.onnx",
+        "--export g.onnx --scale 4": "has 1, 2, 3, 6",
+        "shot.dng --export g.onnx": "--export writes the graph for the pattern of one shot, and 2 are named",
+        "--export missing/g.onnx": "the folder missing does not exist",
+        "--export mine.onnx": "mine.onnx: exists already; use --overwrite",
     },
     "calibrate": {
         "-o new.json": "nothing to calibrate from",
@@ -178,7 +167,6 @@ PATTERNS = {
 # Every kind of value.
 VALUES = {
     ("simulate builtin:24x18 -o out", "light"): (("1/0", "1/", "/4", "bright", ""), "a number, or a fraction such as 1/4"),
-    (f"design -o out {SHORT}", "read-noise"): (("-1", "nan", "inf", "x", ""), "a number from 0 on"),
     ("render shot.dng -o out", "threads"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
     ("simulate builtin:24x18 -o out", "seed"): (("-1", "1.5"), "a whole number from 0 on"),
     ("burst frames -o out", "shifts"): (("1", "1,2,3", "1,x", ""), "2 numbers with commas between them, such as 2,-0.5"),
@@ -197,7 +185,6 @@ INTO += ["view builtin:9x9@9 -o out", "demo -o out", "identify shot.dng -o out",
 USAGE |= {command.removesuffix(" out"): NO_FOLDER for command in INTO}
 for with_pattern in ("simulate builtin:24x18 -o out", "capture builtin:64x48@9 -o out", "view builtin:64x48@9"):
     USAGE[with_pattern] |= PATTERNS
-USAGE["export-preview"] |= {f"-o g.onnx {given}": words for given, words in PATTERNS.items()}
 
 # Every command that takes shots.
 NO_SHOTS = {
@@ -213,7 +200,6 @@ NO_SHOTS = {
 FILES = {
     "simulate builtin:24x18 -o out": {
         "--burst 3 --motion 2": "nothing is left; take a larger picture",
-        "--period 9 --layout cfa --truth": 'out/builtin-24x18.dng: the layout "cfa" cannot hold this pattern',
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
     **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),

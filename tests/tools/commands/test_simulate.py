@@ -14,11 +14,11 @@ from PIL import Image
 
 import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
-from shared.display import ColourTransform
 from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.camera.sensor import simulate_additive, simulate_sensor, typical_noise
 from tools.commands.simulate import noise_of
+from tools.pictures.display import ColourTransform
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"
@@ -71,7 +71,6 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path, named: tuple[st
         (["--sensor-bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
         (["--sensor-bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
         (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
-        (["--layout", "linear"], lambda shot: shot.pattern == CfaPattern.bayer()),
     ],
 )
 def test_every_option_of_the_camera_counts(out: Path, options: list[str], reads: Callable[[Any], bool]) -> None:
@@ -79,14 +78,7 @@ def test_every_option_of_the_camera_counts(out: Path, options: list[str], reads:
     before = (out / SHOT).read_bytes()
     assert reads(simulate(out, *options))
     assert (out / SHOT).read_bytes() != before
-    assert options == ["--layout", "linear"] or not reads(plain)
-
-
-def test_the_layout_is_what_raw_developers_see(out: Path) -> None:
-    for layout, photometric in (("auto", 32803), ("cfa", 32803), ("linear", 34892)):
-        simulate(out, "--layout", layout)
-        with tifffile.TiffFile(out / SHOT) as file:
-            assert file.pages.first.pages[0].photometric == photometric  # type: ignore[union-attr]
+    assert not reads(plain)
 
 
 def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:

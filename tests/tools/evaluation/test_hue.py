@@ -5,10 +5,11 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from shared.arrays import FloatArray
-from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
+from shared.colorimetry import SRGB_TO_XYZ
 from shared.white_balance import shades_of_grey
 from tools.evaluation.hue import PLACES, colour_kept, uneven_hue, wrong_hue
 from tools.pictures.colour_difference import delta_e_2000
+from tools.scenes.colour import xyz_to_lab
 
 RNG = np.random.default_rng(3)
 

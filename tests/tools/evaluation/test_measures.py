@@ -5,7 +5,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.tools.evaluation.examples import pair
 from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
-from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality, ssim
+from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality
 
 BIN = 0.0021  # dB: a bin, and rounding
 
@@ -93,12 +93,7 @@ def test_measures_come_back_from_the_cache_as_they_were() -> None:
     measures = Measures.of(rendered, truth)
     assert measures.quality == quality(rendered, truth)
     again = Measures.decode(measures.encode())
-    assert (again.quality, again.psnr, again.ssim, again.wrong_hue) == (
-        measures.quality,
-        measures.psnr,
-        measures.ssim,
-        measures.wrong_hue,
-    )
+    assert (again.quality, again.psnr, again.wrong_hue) == (measures.quality, measures.psnr, measures.wrong_hue)
     np.testing.assert_array_equal(again.errors, measures.errors)
     np.testing.assert_array_equal(again.hues, measures.hues)
     for ours, theirs in zip(again.patches, measures.patches, strict=True):
@@ -120,31 +115,3 @@ def test_square_errors_are_those_of_the_squares(shape: tuple[int, int]) -> None:
         )
         assert found == pytest.approx(np.mean((rendered[inside] - truth[inside]) ** 2), rel=1e-4)  # float32
     assert rows[-1] == max(BORDER, shape[0] - BORDER - WINDOW)
-
-
-def test_ssim_is_the_papers() -> None:
-    """A literal window by window sum of Wang et al., Eqs. 13 to 17, on a small picture."""
-    a, b = pair(18, 16)
-    steps = np.arange(-5, 6)
-    weights = np.exp(-(steps[:, None] ** 2 + steps**2) / (2 * 1.5**2))
-    weights /= weights.sum()
-    found = []
-    for channel in range(3):
-        for row in range(2 + 5, 18 - 2 - 5):
-            for column in range(2 + 5, 16 - 2 - 5):
-                x, y = (each[row - 5 : row + 6, column - 5 : column + 6, channel].astype(float) for each in (a, b))
-                mean_x, mean_y = (weights * x).sum(), (weights * y).sum()
-                var_x, var_y = (weights * (x - mean_x) ** 2).sum(), (weights * (y - mean_y) ** 2).sum()
-                covariance = (weights * (x - mean_x) * (y - mean_y)).sum()
-                above = (2 * mean_x * mean_y + 0.01**2) * (2 * covariance + 0.03**2)
-                found.append(above / ((mean_x**2 + mean_y**2 + 0.01**2) * (var_x + var_y + 0.03**2)))
-    assert ssim(a, b, border=2) == pytest.approx(np.mean(found), rel=1e-9)
-
-
-def test_ssim_of_equal_pictures_is_one_and_needs_a_window() -> None:
-    a, b = pair(20, 20)
-    assert ssim(a, a) == pytest.approx(1, abs=1e-12)
-    with pytest.raises(InputError, match="11 x 11"):
-        ssim(a, b, border=5)
-    with pytest.raises(InputError, match="shape"):
-        ssim(a, b[:-1])

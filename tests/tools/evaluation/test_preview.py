@@ -8,10 +8,10 @@ from shared import CfaPattern, SensorCalibration
 from shared.arrays import FloatArray
 from tests.bayer import bayer_mosaic
 from tests.data import photograph
+from tests.strokes import WHITE, WIDTHS, drawing, kept
 from tools.camera.sensor import simulate_additive
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.evaluation.strokes import WHITE, WIDTHS, drawing, kept
 from tools.pictures.previews import linear_preview
 from tools.scenes.load import load_scene
 

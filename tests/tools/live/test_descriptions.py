@@ -5,7 +5,7 @@ import pytest
 
 from shared import CfaPattern
 from shared.arrays import CodeArray
-from tests.device.capture.checks.test_frame_check import KODAK, SIZE, of, refusal, taken
+from tests.device.capture.test_frame_check import KODAK, SIZE, of, refusal, taken
 from tests.device.packer import pack
 from tools.scenes.drawn.builtin import builtin_scene
 

@@ -18,7 +18,7 @@ import pytest
 from shared import CaptureMetadata, CfaPattern, read_dng
 from shared.dng import decode_preview
 from shared.errors import InputError
-from tests.device.capture.checks.test_frame_check import PATTERN, SIZE, codes
+from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
 from tests.tools.command import Outcome, ended, run, shots, spawn, start
 from tests.tools.live.fake_camera import ALONE, LIBRARY, FakeCamera

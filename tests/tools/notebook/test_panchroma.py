@@ -15,11 +15,11 @@ import pytest
 import offline
 import panchroma
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
-from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.camera.lens import lens_shading
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
+from tools.scenes.colour import decode_srgb
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -131,7 +131,7 @@ def test_figures_fall_with_the_light() -> None:
         found = panchroma.evaluate(picture, shot)
         assert found == panchroma.evaluate(picture.rgb, shot.truth) == panchroma.evaluate(picture, shot.truth.rgb)
         assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
-        ours.append((found.median, found.ssim, found.psnr))
+        ours.append((found.median, found.psnr))
     assert ours[0] > ours[1] > ours[2]
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth.white == light
@@ -259,7 +259,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
-        (lambda: panchroma.evaluate(GREY[:40], GREY[:40]), "at least 41 pixels"),
+        (lambda: panchroma.evaluate(GREY[:39], GREY[:39]), "at least 40 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
@@ -280,14 +280,3 @@ def test_a_lens_is_simulated_and_known() -> None:
     assert shot.mosaic.calibration.shading == lens_shading(1.5, 0.1, 4, (90, 120))
     with pytest.raises(panchroma.PanchromaError, match="`shading` is 3, expected two numbers"):
         panchroma.simulate("builtin:60x40", shading=3)  # type: ignore[arg-type]
-
-
-def test_the_best_tiles_are_drawn_and_can_be_simulated() -> None:
-    found = panchroma.design(sigma=0.03, sizes=[3], steps=5, seed=1)
-    drawn = found._repr_html_()
-    assert drawn.count("<svg") == 8
-    assert all(pattern in drawn for pattern in found.patterns[:8])
-    assert list(found.scores) == sorted(found.scores, reverse=True)
-    assert panchroma.simulate("builtin:60x60", pattern=found.patterns[0]).mosaic.pattern.period == 3
-    with pytest.raises(panchroma.PanchromaError, match="`sizes` holds 99"):
-        panchroma.design(sizes=[99])

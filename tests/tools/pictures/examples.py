@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import ColourTransform
 from shared.tiff import encode_tiff
 from tests.shared.dng import examples
 from tools.pictures.development import Development, write_picture
+from tools.pictures.display import ColourTransform
 from tools.pictures.formats import FORMATS
 from tools.pictures.formats.dng import PART, encode_part, linear_dng
 from tools.pictures.kind import PictureKind

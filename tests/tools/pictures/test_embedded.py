@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from shared.colorimetry import decode_srgb, encode_srgb
-from shared.display import SPACES
+from tools.pictures.display import SPACES
 from tools.pictures.embedded import icc_profile
 from tools.pictures.samples import quantise
+from tools.scenes.colour import decode_srgb, encode_srgb
 
 
 @pytest.mark.parametrize("name", SPACES)

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from shared import CaptureMetadata, SensorCalibration
-from shared.display import SPACES
 from shared.errors import InputError, OutputError
 from tests.exiftool import exiftool
 from tests.tools.pictures.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
 from tools.pictures.development import CAMERA, write_picture
+from tools.pictures.display import SPACES
 from tools.pictures.embedded import icc_profile
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind

@@ -3,7 +3,6 @@
 import struct
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from tifffile import TiffFile, TiffPage
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.dng import codec, decode_dng, decode_preview, read_metadata
-from shared.dng.exif_reading import text
-from shared.dng.tags import Tag
+from shared.dng.exif import text
+from shared.dng.tags import TAG
 from shared.errors import InputError
 from shared.tiff import FieldType
 from shared.tiff_reading import read_directories
@@ -92,28 +91,17 @@ def test_colour_tags() -> None:
     np.testing.assert_allclose(np.array(neutral[::2]) / np.array(neutral[1::2]), NEUTRAL, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"rgb": np.full((4, 4, 3), np.nan, np.float32)}, "not finite"),
-        ({"camera_to_xyz": np.ones((3, 3))}, "with an inverse"),
-        ({"camera_to_xyz": np.eye(4)}, "with an inverse"),
-        ({"camera_to_xyz": np.full((3, 3), np.nan)}, "with an inverse"),
-        ({"neutral": [1.0, 0.0, 1.0]}, "three positive readings"),
-        ({"neutral": [1.0, 1.0]}, "three positive readings"),
-    ],
-)
-def test_nonsense_is_refused(change: dict[str, Any], reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
-        picture_dng(**{"rgb": patches(), **change})
+def test_a_picture_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(InputError, match="not finite"):
+        picture_dng(np.full((4, 4, 3), np.nan, np.float32))
 
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
     data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
     assert codec.verify(data) == (8, 12)
-    turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
-    turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
-    turned = turned.replace(_entry(Tag.ROWS_PER_STRIP, 8), _entry(Tag.ROWS_PER_STRIP, 12))
+    turned = data.replace(_entry(TAG["ImageWidth"], 12), _entry(TAG["ImageWidth"], 8))
+    turned = turned.replace(_entry(TAG["ImageLength"], 8), _entry(TAG["ImageLength"], 12))
+    turned = turned.replace(_entry(TAG["RowsPerStrip"], 8), _entry(TAG["RowsPerStrip"], 12))
     assert len(turned) == len(data)
     assert turned != data
     with pytest.raises(InputError, match="damaged"):
@@ -134,7 +122,7 @@ def test_a_rendered_picture_is_no_mosaic() -> None:
 def test_the_source_is_known_and_the_camera_ours() -> None:
     rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     assert read_metadata(BytesIO(rendered)) == METADATA
-    assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main[Tag.MODEL]) == "Panchroma render"
+    assert text(read_directories(BytesIO(rendered), {TAG["Model"]}).main, TAG["Model"]) == "Panchroma render"
 
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:

@@ -15,11 +15,11 @@ from PIL import Image
 
 from shared import SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import SPACES, ColourTransform
 from shared.errors import InputError
 from tests.exiftool import exiftool
 from tests.tools.pictures.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.pictures.examples import KINDS as ALL_KINDS
+from tools.pictures.display import SPACES, ColourTransform
 from tools.pictures.formats.uhdr import GainMap
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import display_codes, quantise, upright

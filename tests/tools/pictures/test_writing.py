@@ -8,13 +8,13 @@ import pytest
 from PIL import Image, ImageOps
 
 from shared.arrays import FloatArray
-from shared.colorimetry import decode_srgb, encode_srgb
 from shared.errors import ConvergenceError, InputError, OutputError
 from tests.tools.pictures.examples import KINDS, development, encode_picture, scene
 from tools.pictures.development import CAMERA, write_picture
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import quantise, regrouped, upright
+from tools.scenes.colour import decode_srgb, encode_srgb
 
 
 def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:

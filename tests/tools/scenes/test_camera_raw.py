@@ -150,7 +150,7 @@ def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_hold
         tifffile.imwrite(file, np.zeros((2, 2), np.uint8), byteorder=order, metadata=None, extratags=fields)
         held.append(file.getvalue())
     (tmp_path / "other.raf").write_bytes(b"FUJIFILMCCD-RAW II*" + held[0] + held[1])
-    assert raw_directories(tmp_path / "other.raf").main[271].values == b"First\0"
+    assert raw_directories(tmp_path / "other.raf").main[271].data == b"First\0"
 
 
 @pytest.mark.parametrize(

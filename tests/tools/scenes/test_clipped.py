@@ -7,10 +7,10 @@ import pytest
 
 from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
-from shared.display import ColourTransform
 from tests.tools.scenes.files import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
 from tools.camera.protocols import SensorProtocol
 from tools.camera.simulated_camera import SimulatedCamera
+from tools.pictures.display import ColourTransform
 from tools.scenes.clipped import saturation, with_white_highlights
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene

@@ -14,9 +14,10 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared.colorimetry import P3_PRIMARIES, SRGB_PRIMARIES, SRGB_TO_XYZ, encode_srgb, primaries_to_xyz
+from shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
 from tests.tools.scenes.files import LINEAR_RAW, SHORT, write_dng
 from tests.tools.scenes.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
+from tools.scenes.colour import P3_PRIMARIES, encode_srgb
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 

@@ -12,9 +12,10 @@ import tifffile
 from PIL import Image, ImageCms
 from PIL.PngImagePlugin import PngInfo
 
-from shared.colorimetry import SRGB_TO_XYZ, decode_srgb
+from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from tests.tools.scenes.files import save
+from tools.scenes.colour import decode_srgb
 from tools.scenes.decoders import exr
 from tools.scenes.icc_reading import read_profile
 from tools.scenes.load import load_scene

@@ -6,9 +6,9 @@ from html import escape
 import numpy as np
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import xyz_to_lab
 from shared.errors import InputError
 from tools.pictures.html import figure, picture, reduced
+from tools.scenes.colour import xyz_to_lab
 
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS

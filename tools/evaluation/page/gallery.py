@@ -1,7 +1,6 @@
-"""The gallery, after the paper's Fig. 4: small crops, named or where methods differ most or our error is largest."""
+"""The gallery, after the paper's Fig. 4: small crops where methods differ most or our error is largest."""
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import lcm, log2
@@ -10,9 +9,9 @@ import numpy as np
 
 from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.display import ColourTransform
 from shared.errors import InputError
 from tools.camera.protocols import Protocol
+from tools.pictures.display import ColourTransform
 from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
@@ -71,40 +70,6 @@ class Crop:
         return f"row {row + self.row}, column {column + self.column}"
 
 
-@dataclass(frozen=True)
-class Named:
-    """A crop that somebody asks for.
-
-    name: for people.
-    scene: name of the scene.
-    row, column: of its first pixel, in the photograph.
-    """
-
-    name: str
-    scene: str
-    row: int
-    column: int
-
-    @classmethod
-    def of(cls, text: str) -> "Named":
-        """Read NAME=SCENE:ROW,COLUMN. Raises InputError for anything else."""
-        if found := re.fullmatch(r"(?P<name>[^=]+)=(?P<scene>.+):(?P<row>\d+),(?P<column>\d+)", text):
-            return cls(found["name"], found["scene"], int(found["row"]), int(found["column"]))
-        raise InputError(f"{text}: expected NAME=SCENE:ROW,COLUMN, as 'red letters=indoor1:480,1200'")
-
-    def crop(self, study: Study, level: Protocol) -> Crop:
-        """The crop at a level. Raises InputError if the scene is not measured, or ends before it."""
-        scene = next((each for each in study.scenes if each.name == self.scene), None)
-        if scene is None:
-            raise InputError(f"there is no scene {self.scene}, only {', '.join(each.name for each in study.scenes)}")
-        row, column = (at - first for at, first in zip((self.row, self.column), scene.origin, strict=True))
-        if min(row, column) < 0 or row + WINDOW > scene.rows or column + WINDOW > scene.columns:
-            raise InputError(
-                f"{self.name} is not inside {self.scene}: {WINDOW} x {WINDOW} pixels from row {self.row}, column {self.column}"
-            )
-        return Crop(scene, level, row, column, WINDOW, WINDOW, self.name)
-
-
 @dataclass(frozen=True, eq=False)
 class Rendered:
     """One rendering of a crop.
@@ -140,23 +105,22 @@ class Exhibit:
     shown: tuple[int, int]
 
 
-def render_gallery(figures: Figures, team: Team, named: Sequence[Named] = ()) -> list[Exhibit]:
-    """Exhibits at the lowest and the highest level, rendered by the team, those named first.
+def render_gallery(figures: Figures, team: Team) -> list[Exhibit]:
+    """Exhibits at the lowest and the highest level, rendered by the team.
 
-    Empty without a method of ours, and without a rival or another pattern. Raises InputError as `Named.crop` does.
+    Empty without a method of ours, and without a rival or another pattern.
     """
-    shown = [(crop, _shown(figures, crop)) for crop in choose_crops(figures, named)]
+    shown = [(crop, _shown(figures, crop)) for crop in choose_crops(figures)]
     if not shown:
         return []
     pixels = (WINDOW + 2 * _HALO) ** 2 + max(crop.scene.rows * crop.scene.columns for crop, _ in shown) // 4
     return team.together("gallery", partial(render_exhibit, figures.study), shown, pixels)
 
 
-def choose_crops(figures: Figures, named: Sequence[Named] = ()) -> Iterator[Crop]:
-    """Those named, and up to three crops per reason and level, each from another scene."""
+def choose_crops(figures: Figures) -> Iterator[Crop]:
+    """Up to three crops per reason and level, each from another scene."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
-        yield from (each.crop(figures.study, level) for each in named)
         scores = [(scene, _scores(figures, scene, level)) for scene in figures.study.scenes]
         taken: list[Crop] = []
         for why in REASONS:

@@ -16,7 +16,6 @@ from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
 from ..report import (
     KEPT,
-    STROKES,
     Table,
     by_level,
     kept_table,
@@ -26,14 +25,12 @@ from ..report import (
     scene_table,
     sensors,
     standing_table,
-    stroke_table,
 )
 from ..scene_sets import CROP
-from ..strokes import MARGIN
 from ..study import Study
 from ..tiles import Tile
 from ..verdict import capital, caveats, claims, heading, headline, losses
-from .gallery import REASONS, WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rendered
+from .gallery import WHY_AHEAD, WHY_BEHIND, WHY_PATTERNS, Exhibit, Rendered
 from .plots import noise_plots
 
 T = TypeVar("T")
@@ -56,7 +53,6 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections = {
         "Verdict": "".join(_verdict(group, index) for index, group in enumerate(figures.sets)),
         "Noise": _noise_section(figures),
-        "Strokes": _strokes_section(figures) if figures.strokes else "",
         "Patterns": _pattern_section(figures, of_patterns) if len(study.tiles) > 1 and study.ours else "",
         "Gallery": _gallery_section(others) if others else "",
         "Scenes": _scenes_section(figures, failures),
@@ -176,16 +172,6 @@ def _noise_section(figures: Figures) -> str:
     return f"<h2>Quality and noise</h2><p>{said}</p>{plots}"
 
 
-def _strokes_section(figures: Figures) -> str:
-    """What each method keeps of the colour of narrow strokes: a table for each level."""
-    said = (
-        f"{STROKES}, in a drawn scene: the channels minus their mean, render over truth, inside the strokes, {MARGIN} pixels from "
-        "their edges. 1 is all of the colour, 0 is grey. Each colour alone is in evaluation.csv and evaluation.json."
-    )
-    tables = _by_level("Every method and width", stroke_table, figures, figures.study)
-    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{tables}"
-
-
 def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
     """Pictures of the patterns; for each set all figures, and where they differ most."""
     study = figures.study
@@ -209,9 +195,8 @@ def _card(study: Study, tile: Tile) -> str:
 
 
 def _gallery_section(exhibits: Sequence[Exhibit]) -> str:
-    chosen = "First the named squares, then those" if any(each.crop.why not in REASONS for each in exhibits) else "Squares"
     return (
-        f"<h2>Gallery</h2><p>{chosen} chosen by the figures, not by eye: where our best render gains most on the best "
+        "<h2>Gallery</h2><p>Squares chosen by the figures, not by eye: where our best render gains most on the best "
         "rival of the scene, where it loses most, and where its error is largest. Choose two pictures, move the slider by finger, "
         "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened, bright "
         "squares darkened.</p>" + _exhibits(exhibits)

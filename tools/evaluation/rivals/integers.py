@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
-from shared.dng.tags import CFA_CODES, DNG_VERSION, Photometric, Tag
+from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from shared.tiff import FieldType
 from tools.camera.bayer import ORDER
 from tools.host.versions import package_version
@@ -89,14 +89,14 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and needs a matrix.
     matrix = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057)
     fields = (
-        (Tag.CFA_REPEAT_PATTERN_DIM, FieldType.SHORT, 2, (2, 2)),
-        (Tag.CFA_PATTERN, FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
-        (Tag.DNG_VERSION, FieldType.BYTE, 4, bytes(DNG_VERSION)),
-        (Tag.UNIQUE_CAMERA_MODEL, FieldType.ASCII, 0, "Panchroma Bayer rival"),
-        (Tag.WHITE_LEVEL, FieldType.LONG, 1, 65535),
-        (Tag.COLOR_MATRIX_1, FieldType.SRATIONAL, 9, tuple(part for each in matrix for part in (round(10000 * each), 10000))),
-        (Tag.CALIBRATION_ILLUMINANT_1, FieldType.SHORT, 1, 21),
-        (Tag.AS_SHOT_NEUTRAL, FieldType.RATIONAL, 3, (1, 1) * 3),
+        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
+        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
+        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION)),
+        (TAG["UniqueCameraModel"], FieldType.ASCII, 0, "Panchroma Bayer rival"),
+        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
+        (TAG["ColorMatrix1"], FieldType.SRATIONAL, 9, tuple(part for each in matrix for part in (round(10000 * each), 10000))),
+        (TAG["CalibrationIlluminant1"], FieldType.SHORT, 1, 21),
+        (TAG["AsShotNeutral"], FieldType.RATIONAL, 3, (1, 1) * 3),
     )
     file = io.BytesIO()
     imwrite(file, codes, photometric=Photometric.CFA, extratags=[(*field, True) for field in fields], metadata=None)

@@ -19,7 +19,6 @@ What each returns:
     render              a Picture: picture.rgb is float32 (rows, columns, channels), linear, 1.0 = white
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
     evaluate            an Evaluation: PSNR, SSIM, and how much of the picture has a wrong hue
-    design              a Design: which filter tiles suit a sensor, the best first
 
 Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays: plt.imshow(panchroma.to_srgb(picture)).
 
@@ -43,16 +42,13 @@ from .pictures import Image, Picture, to_srgb
 from .quality import Evaluation, evaluate
 from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
 from .simulation import simulate
-from .tiles import Design, design
 
 __version__ = program_version()
 __all__ = [
-    "Design",
     "Evaluation",
     "Image",
     "Picture",
     "Shot",
-    "design",
     "evaluate",
     "open",
     "preview",

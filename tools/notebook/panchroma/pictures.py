@@ -11,11 +11,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.colorimetry import encode_srgb
-from shared.display import ColourTransform, checked_picture
 from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
+from tools.pictures.display import ColourTransform, checked_picture
+from tools.scenes.colour import encode_srgb
 
 from .arguments import check_argument, checked
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.display import checked_picture
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
+from tools.pictures.display import checked_picture
 
 from .arguments import checked
 from .pictures import Picture, light_of
@@ -23,7 +23,6 @@ class Evaluation:
     rgb, luminance, chrominance: PSNR in dB of all 10 x 10 patches, but for a border of 15 pixels: (10 % quantile, 25 %, median,
         75 %). Luminance is the mean of the channels, chrominance what remains of each.
     psnr: of the whole picture: (rgb, luminance, chrominance), dB.
-    ssim: structural similarity, at most 1.
     wrong_hue: share of pixels whose colour is visibly wrong (CIEDE2000 above 10), 0 to 1; None without red, green and blue.
 
     >>> import numpy as np
@@ -31,7 +30,7 @@ class Evaluation:
     >>> grey = np.full((60, 60, 3), 0.5, np.float32)
     >>> found = panchroma.evaluate(grey + 0.01, grey)
     >>> found
-    <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; SSIM 1.000; wrong hue 0.0 %>
+    <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; wrong hue 0.0 %>
     >>> round(found.median[0], 2)  # dB: the figure to quote
     40.0
     """
@@ -40,7 +39,6 @@ class Evaluation:
     luminance: tuple[float, float, float, float]
     chrominance: tuple[float, float, float, float]
     psnr: tuple[float, float, float]
-    ssim: float
     wrong_hue: float | None
 
     @property
@@ -52,16 +50,16 @@ class Evaluation:
         hue = "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
         rgb, luminance, chrominance = self.median
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
-        return f"<Evaluation: median PSNR {medians}; SSIM {self.ssim:.3f}{hue}>"
+        return f"<Evaluation: median PSNR {medians}{hue}>"
 
     def _repr_html_(self) -> str:
         rows = [
             f"<tr><th>{name}</th>" + "".join(f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole)) + "</tr>"
             for name, quantiles, whole in zip(PLANES, (self.rgb, self.luminance, self.chrominance), self.psnr, strict=True)
         ]
-        hue = "" if self.wrong_hue is None else f", wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
+        hue = "" if self.wrong_hue is None else f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
         head = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th><th>whole picture</th></tr>"
-        return f"<table>{head}{''.join(rows)}</table>SSIM {self.ssim:.3f}{hue}"
+        return f"<table>{head}{''.join(rows)}</table>{hue}"
 
 
 @checked
@@ -77,7 +75,7 @@ def evaluate(
     truth: `shot.truth`, or an array alike; a shot stands for its truth.
     white: what the scene's white reads in both, the peak of every figure, so that figures fall with the light: 1/4 after
         `simulate(..., light=1/4)`. By default that of the truth, or of the picture if the truth is an array; for two arrays 1.0.
-    Raises PanchromaError where their sizes differ, or are below 41 x 41 pixels.
+    Raises PanchromaError where their sizes differ, or are below 40 x 40 pixels.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
@@ -99,4 +97,4 @@ def evaluate(
     if made.shape == seen.shape and white != 1:
         made, seen = made / np.float32(white), seen / np.float32(white)
     found = Measures.of(made, seen, channels)
-    return Evaluation(*found.quality, found.psnr, found.ssim, found.wrong_hue)
+    return Evaluation(*found.quality, found.psnr, found.wrong_hue)

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shared.arrays import ByteArray, FloatArray
-from shared.display import checked_picture
 from shared.dng.colour_tags import colour_fields
 from shared.dng.container import DIGEST_TILE, check_sides, joined_digest, main_directory, picture_fields, picture_id, tile_digests
 from shared.dng.lossless_jpeg import encode_lossless
-from shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, Compression, Photometric, Tag
+from shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
 from shared.errors import InputError
 from shared.metadata import CaptureMetadata
 from shared.tiff import Directory, FieldType, write_tiff
 from tools.host.ahead import WAITING, ahead
 
 from ..development import CAMERA, Development
+from ..display import checked_picture
 from ..samples import display_codes, joined, regrouped
 from .format import Format
 
@@ -132,20 +132,20 @@ def linear_dng(
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
     fields = picture_fields(shape, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
-        Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0]),
-        Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, [1, 1]),
-        Tag.BLACK_LEVEL: (FieldType.SHORT, [0] * 3),
-        Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
+        TAG["NewSubfileType"]: (FieldType.LONG, [0]),
+        TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, [1, 1]),
+        TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),
+        TAG["WhiteLevel"]: (FieldType.SHORT, [_WHITE_CODE] * 3),
     }
     if len(parts) > 1:
         # Tiles: of several strips LibRaw reads only the first.
-        del fields[Tag.ROWS_PER_STRIP]
+        del fields[TAG["RowsPerStrip"]]
         tall, wide = _tile(shape[:2])
-        fields |= {Tag.TILE_WIDTH: (FieldType.LONG, [wide]), Tag.TILE_LENGTH: (FieldType.LONG, [tall])}
+        fields |= {TAG["TileWidth"]: (FieldType.LONG, [wide]), TAG["TileLength"]: (FieldType.LONG, [tall])}
     raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
     digest = joined_digest(b"".join(part.digests for part in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(shape, digest).encode()
-    main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [0.0]
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()
+    main.fields[TAG["BaselineExposure"]] = FieldType.SRATIONAL, [0.0]
     return main

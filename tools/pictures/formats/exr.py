@@ -11,10 +11,10 @@ from numpy.typing import DTypeLike, NDArray
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
-from shared.display import SPACES
 from shared.errors import OutputError
 
 from ..development import CAMERA, Development
+from ..display import SPACES
 from ..embedded import software
 from .format import Format
 

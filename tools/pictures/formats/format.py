@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from shared.arrays import FloatArray
-from shared.display import checked_picture
 from shared.errors import InputError
 from tools.host.ahead import ahead
 
 from ..development import CAMERA, Development
+from ..display import checked_picture
 from ..samples import display_codes, joined, turned, upright
 
 _RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time

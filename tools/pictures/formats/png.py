@@ -9,10 +9,10 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.display import SPACES
 from shared.tiff import encode_tiff
 
 from ..development import Development
+from ..display import SPACES
 from ..embedded import icc_profile
 from .format import Format
 

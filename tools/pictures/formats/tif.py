@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.dng.container import picture_fields
-from shared.dng.tags import Compression, Tag
+from shared.dng.tags import TAG, Compression
 from shared.tiff import Fields, FieldType, write_tiff
 from tools.host.ahead import ahead
 
@@ -51,7 +51,7 @@ def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
     channels = shape[2]
     compression, photometric = _LZW if bits == 8 else Compression.NONE, _RGB if rgb else _BLACK_IS_ZERO
     fields = picture_fields(shape, bits, compression, photometric) | {
-        Tag.ROWS_PER_STRIP: (FieldType.LONG, [_STRIP_ROWS]),
+        TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),
     }
     if bits == 8:

@@ -9,7 +9,7 @@ up to the channel that clips last. An HDR display shows it up to there, `headroo
 the gain is 1, and the picture is the same on every display. So it is where a picture is darkened and what is burnt out is white.
 
 The gain is that of luminance, the same for all channels. Beyond display white some channel may be clipped, in the sensor or in
-the picture that was simulated, and the colour is unknown (`shared/display.py`): the colour of a highlight stays that of the
+the picture that was simulated, and the colour is unknown (`shared.display`): the colour of a highlight stays that of the
 picture, or a burnt-out lamp that the picture shows white would be magenta in HDR.
 """
 
@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import ByteArray, FloatArray, strips
-from shared.display import ColourTransform
 from shared.dng.tags import LONGEST_SIDE
 
 from ..development import Development
+from ..display import ColourTransform
 from ..samples import joined
 from .format import Format
 from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, development_segments, jpeg_level, segment
@@ -105,7 +105,7 @@ class GainMap:
     def _shown_light(self, rgb: FloatArray) -> FloatArray:
         """The light of the picture, before its curve, (H, W, 3)."""
         light = np.empty((*rgb.shape[:2], 3), np.float32)
-        for rows, channel, plane in self.shown.light(rgb, self.exposure):
+        for rows, channel, plane in self.shown.planes(rgb, self.exposure, encoded=False):
             light[rows, :, channel] = plane
         return light
 

@@ -125,7 +125,7 @@ def exif_encoding(exif: IO[bytes]) -> tuple[Encoding | None, tuple[str, ...]]:
     stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
     space, index = stored.exif.get(_COLOR_SPACE), stored.interoperability.get(_INTEROPERABILITY_INDEX)
     number = space.numbers[:1] if space else ()
-    option = bytes(index.values[:3]) if index and isinstance(index.values, bytes) else b""
+    option = index.data[:3] if index else b""
     if number == (1,):
         return SRGB, ()
     if number == (2,) or option == b"R03":

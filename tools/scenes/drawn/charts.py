@@ -13,8 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ, lab_to_xyz
+from shared.colorimetry import SRGB_TO_XYZ
 
+from ..colour import lab_to_xyz
 from ..perspective import apply_homography, homography, rectangle
 from ..scene import Scene
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
-from shared.colorimetry import decode_srgb
+
+from ..colour import decode_srgb
 
 LeafArray = NDArray[np.int32]  # indices of leaves
 

@@ -4,7 +4,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared.errors import InputError
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.evaluation.measures import WINDOW, window_origins
@@ -16,7 +15,6 @@ from tools.evaluation.page.gallery import (
     WHY_WORST,
     Crop,
     Exhibit,
-    Named,
     choose_crops,
     render_crop,
     render_exhibit,
@@ -127,15 +125,12 @@ def test_a_square_is_shown_by_its_place_in_the_photograph(tmp_path: Path) -> Non
     study = large(tmp_path)
     middle = replace(study, scenes=(Reading(largest=150).info(study.scenes[0].source),))
     for each in (study, middle):
-        crop = Named.of("a corner=scene0:100,120").crop(each, each.levels[0])
+        scene = each.scenes[0]
+        row, column = (place - first for place, first in zip((100, 120), scene.origin, strict=True))
+        crop = Crop(scene, each.levels[0], row, column, 50, 50, WHY_WORST)
         assert crop.place == "row 100, column 120"
-        part = replace(each.reading, largest=150 if each is middle else None).scene(each.scenes[0].source).rgb[crop.part]
-        np.testing.assert_array_equal(part, np.load(each.scenes[0].source)[100:196, 120:216])
-    for text in ("scene0:100,120", "x=scene0:100", "x=scene1:0,0", "x=scene0:300,0"):
-        with pytest.raises(InputError, match=r"expected NAME=|only scene0|not inside"):
-            Named.of(text).crop(study, study.levels[0])
-    with pytest.raises(InputError, match="not inside"):
-        Named.of("x=scene0:0,0").crop(middle, study.levels[0])
+        part = replace(each.reading, largest=150 if each is middle else None).scene(scene.source).rgb[crop.part]
+        np.testing.assert_array_equal(part, np.load(scene.source)[100:150, 120:170])
 
 
 def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:

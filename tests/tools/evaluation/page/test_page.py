@@ -148,11 +148,11 @@ def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:
 
 def test_tables_and_lines_are_switched(browser: Browser) -> None:
     shown = "[...document.querySelectorAll('[role=tabpanel]')].map(p => !p.hidden)"
-    assert browser.evaluate(shown) == [True, *[False] * 12]
+    assert browser.evaluate(shown) == [True, *[False] * 11]
     browser.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
     browser.evaluate("document.querySelectorAll('[role=tab]')[0].focus()")
     browser.key("ArrowRight")
-    assert browser.evaluate(shown) == [False, True, *[False] * 11]
+    assert browser.evaluate(shown) == [False, True, *[False] * 10]
     lines = "[...document.querySelectorAll('#noise [data-series=paper]')].map(l => getComputedStyle(l).display !== 'none')"
     assert browser.evaluate(lines) == [True] * 3
     browser.evaluate("document.querySelector('#noise input[value=paper]').click()")

@@ -5,9 +5,10 @@ import pytest
 
 from shared.arrays import STRIP, FloatArray
 from shared.calibration import SensorCalibration
-from shared.colorimetry import D50, decode_srgb, encode_srgb
-from shared.display import MAX_EXPOSURE, SPACES, ColourTransform, checked_picture
+from shared.colorimetry import D50
 from shared.errors import InputError
+from tools.pictures.display import MAX_EXPOSURE, SPACES, ColourTransform, checked_picture
+from tools.scenes.colour import decode_srgb, encode_srgb
 
 ROUNDING = 1e-6
 """Of a float32 in 0..1 through a 3 x 3 matrix and the curve."""

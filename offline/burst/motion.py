@@ -31,7 +31,7 @@ class Motion:
     Raises InputError for figures that are not finite, and for another shape of `local`.
 
     >>> import numpy as np
-    >>> from shared.motion import Motion
+    >>> from offline.burst import Motion
     >>> down, across = Motion((2.0, -1.0)).places(slice(10, 11), (101, 101))
     >>> float(down[0, 20]), float(across[0, 20])
     (12.0, 19.0)

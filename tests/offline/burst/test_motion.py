@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from offline.burst import Motion
 from shared.errors import InputError
-from shared.motion import Motion
 
 SHAPE = (41, 60)
 EXACT = 2e-5  # pixels: rounding of places in a frame of this size to float32

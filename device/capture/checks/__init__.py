@@ -1,1 +1,0 @@
-"""Comparison of raw frames with the description of their sensor."""
