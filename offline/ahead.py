@@ -17,7 +17,7 @@ from .render import KERNELS, row_stages
 from .settings import RenderSettings
 
 # Those that take longest to compile come first, so that several processes end at about the same time.
-_LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once", "shrink_margins"
+_LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once"
 
 
 def used_kernels(*settings: RenderSettings) -> list[str]:

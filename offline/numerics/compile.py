@@ -3,6 +3,8 @@
 Kernels are compiled for the types that their annotations name. Numba keeps the machine code in a file beside the source, or in the
 user's cache folder, and compiles again when the file of the kernel has changed; here also when a file of this package has, from
 which every kernel may take functions or constants.
+
+Only public interfaces of Numba are used, and nothing global is changed.
 """
 
 import threading
@@ -17,7 +19,6 @@ from typing import Annotated, Any, Concatenate, Generic, ParamSpec, TypeVar, get
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
 from shared.processors import threads
@@ -38,7 +39,8 @@ Pieces = Pair
 
 LITTLE = 1 << 15
 """A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others costs more than it saves."""
-_TOGETHER = 1 << 18  # elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels
+# Elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels.
+_TOGETHER = 1 << 18
 
 
 class ParallelKernel(Generic[P]):
@@ -62,15 +64,15 @@ class ParallelKernel(Generic[P]):
         compiled, pieces = self.compile(), self._pieces(*arguments)
         largest = max(array.size for array in _arrays(arguments))
         together = max(1, min(pieces * _TOGETHER // max(largest, 1), -(-pieces // (2 * threads()))))
-        in_pieces(lambda *part: compiled(part, *arguments), pieces, pieces if largest <= LITTLE else together)
+        if largest <= LITTLE:
+            together = pieces
+        in_pieces(lambda *part: compiled(part, *arguments), pieces, together)
 
     def compile(self) -> Callable[..., None]:
         """Read the machine code from the disk, or compile it and keep it there; return the function."""
         if self._compiled is None:
             with _compiling:
                 if self._compiled is None:
-                    if not self.kept():
-                        _announce()
                     self._compiled = self._read_or_compiled()
         return self._compiled
 
@@ -80,12 +82,15 @@ class ParallelKernel(Generic[P]):
         return any(path.stat().st_mtime >= newest for path in self._indexes())
 
     def _read_or_compiled(self) -> Callable[..., None]:
-        kinds = types.void(*(_numba_type(each.annotation) for each in signature(self._function).parameters.values()))
+        parameters = signature(self._function).parameters.values()
+        kinds = types.void(*(_numba_type(parameter.annotation) for parameter in parameters))
         if not self.kept():
+            for begins in _listeners.get():
+                begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
             self._forget()
         try:
             return numba.njit(kinds, cache=True, **_OPTIONS)(self._function)
-        except Exception:  # there is no folder, the disk is full, or a file is damaged, which has no common base
+        except Exception:  # no folder, a full disk, a damaged file: they have no common base
             self._forget()
             return numba.njit(kinds, **_OPTIONS)(self._function)
 
@@ -95,8 +100,9 @@ class ParallelKernel(Generic[P]):
             folder = _folder_of(self._function)
         except (OSError, RuntimeError):
             return []
-        module, line = self._function.__module__.rpartition(".")[2], self._function.__code__.co_firstlineno
-        return [*folder.glob(f"{module}.{self._function.__qualname__}-{line}.*.nbi")]
+        function = self._function
+        module, line = function.__module__.rpartition(".")[2], function.__code__.co_firstlineno
+        return [*folder.glob(f"{module}.{function.__qualname__}-{line}.*.nbi")]
 
     def _forget(self) -> None:
         for path in self._indexes():
@@ -112,12 +118,6 @@ def _folder_of(function: Callable[..., Any]) -> Path:
 def _newest_source() -> float:
     """The time, in seconds, when a file of this package was last changed."""
     return max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
-
-
-def _announce() -> None:
-    """Tell who listens that a kernel is about to be compiled."""
-    for begins in _listeners.get():
-        begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
 
 
 def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
@@ -176,11 +176,6 @@ def parallel_kernel(
         return made
 
     return decorate
-
-
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """Turn a code generator into a function that kernels can call."""
-    return _intrinsic(prefer_literal=False)(function)
 
 
 def kernel_cache() -> Path:

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
-from .arrays import Area, Floats1, Pair, Scalar
+from .arrays import Area, Pair, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, greater, root_seed, times_power
 
@@ -58,25 +58,19 @@ def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
 
 
 @kernel
-def zeros(*shape: int) -> FloatArray:
-    """An array of float32 zeros, aligned to the size of a vector, where reading them is fastest."""
-    size = 1
-    for length in shape:
-        size *= length
-    return _aligned(np.zeros(size + WIDTH, np.float32), size).reshape(shape)
-
-
-@kernel
 def unset(*shape: int) -> FloatArray:
-    """As `zeros`, but with arbitrary values."""
+    """An array of float32, of arbitrary values, aligned to the size of a vector, where reading is fastest."""
     size = 1
     for length in shape:
         size *= length
-    return _aligned(np.empty(size + WIDTH, np.float32), size).reshape(shape)
+    buffer = np.empty(size + WIDTH, np.float32)
+    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
+    return buffer[first : first + size].reshape(shape)
 
 
 @kernel
-def _aligned(buffer: Floats1, size: int) -> Floats1:
-    """The part of a buffer that begins where a vector does."""
-    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
-    return buffer[first : first + size]
+def zeros(*shape: int) -> FloatArray:
+    """As `unset`, but all zeros."""
+    array = unset(*shape)
+    array[:] = np.float32(0)
+    return array

@@ -1,7 +1,4 @@
-"""Sampled Gaussians, cut off at four standard deviations, and smoothing with them.
-
-Smoothing of whole planes by a separable filter.
-"""
+"""Sampled Gaussians, cut off at four standard deviations, and smoothing of planes with them."""
 
 from typing import Any
 
@@ -10,10 +7,9 @@ from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
 
-from .arrays import Floats1, Floats2, Frozen2, Ints1
+from .arrays import Floats1, Floats2, Frozen2, Scalar
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import mirrored, zeros
-from .lanes import WIDTH, load, store
+from .functions import mirrored
 
 TRUNCATE = 4
 """Standard deviations at which a Gaussian ends: what lies beyond is 6e-5 of it."""
@@ -44,7 +40,6 @@ def filtered(planes: NDArray[Any], taps: FloatArray) -> FloatArray:
 
 
 _STRIP = 64  # rows that one piece of work smooths; chosen for speed
-_ZERO = np.float32(0)
 
 
 @parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
@@ -53,43 +48,35 @@ def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
 
     plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
     """
-    height = len(plane)
     for strip in range(pieces[0], pieces[1]):
-        smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, height), out)
+        smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, len(plane)), out)
 
 
 @kernel
 def smooth_rows(plane: Floats2, taps: Floats1, first: int, last: int, out: Floats2) -> None:
     """As `smooth`, rows `first` to `last` alone."""
     (height, width), reach = plane.shape, len(taps) // 2
-    lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
-    slots = np.empty(len(taps), np.intp)
-    for row in range(first - reach, last + reach):
-        source = mirrored(row, height)
-        for column in range(width):
-            lines[row % len(taps), column] = plane[source, column]
-        if row >= first + reach:
-            for step in range(len(taps)):
-                slots[step] = (row - 2 * reach + step) % len(taps)
-            _sum_down(lines, slots, taps, width, reach, total)
-            oldest = slots[0]  # its line is not needed any more
-            for column in range(0, width, WIDTH):
-                light = taps[0] * load(total, column)
-                for step in range(1, len(taps)):
-                    light += taps[step] * load(total, column + step)
-                store(lines, (oldest, column), light)
-            for column in range(width):
-                out[row - reach, column] = lines[oldest, column]
+    line = np.empty(width + 2 * reach, np.float32)
+    for row in range(first, last):
+        _scale(taps[reach], plane[row], line[reach : reach + width])
+        for step in range(1, reach + 1):
+            above, below = plane[mirrored(row - step, height)], plane[mirrored(row + step, height)]
+            _add(taps[reach + step], above, below, line[reach : reach + width])
+        for step in range(1, reach + 1):
+            line[reach - step] = line[reach + mirrored(-step, width)]
+            line[reach + width - 1 + step] = line[reach + mirrored(width - 1 + step, width)]
+        _scale(taps[reach], line[reach:], out[row])
+        for step in range(1, reach + 1):
+            _add(taps[reach + step], line[reach - step :], line[reach + step :], out[row])
 
 
 @kernel
-def _sum_down(lines: Floats2, slots: Ints1, taps: Floats1, width: int, reach: int, total: Floats1) -> None:
-    """Sum up the rows in `slots`, weighted, to `total`, which gets mirrored columns on both sides."""
-    for column in range(0, width, WIDTH):
-        light = taps[0] * load(lines, (slots[0], column))
-        for step in range(1, len(taps)):
-            light += taps[step] * load(lines, (slots[step], column))
-        store(total, column + reach, light)
-    for step in range(1, reach + 1):
-        total[reach - step] = total[reach + mirrored(-step, width)]
-        total[reach + width - 1 + step] = total[reach + mirrored(width - 1 + step, width)]
+def _scale(tap: Scalar, line: Floats1, out: Floats1) -> None:
+    for column in range(len(out)):
+        out[column] = tap * line[column]
+
+
+@kernel
+def _add(tap: Scalar, line: Floats1, other: Floats1, out: Floats1) -> None:
+    for column in range(len(out)):
+        out[column] += tap * (line[column] + other[column])

@@ -166,6 +166,7 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
 
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_NO_ENERGY = np.float32(1e-30)  # scene units squared
 _LEAST, _LEAST_EXPONENT = np.float32(1e-37), np.float32(-87)  # e^-87 is about the least normal float32
 # e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
 # two parts, the first short enough that n times it is exact.
@@ -308,7 +309,7 @@ def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, ene
 
 @kernel
 def _over_mean(energy: Floats2, columns: int) -> FloatArray:
-    """-1 over the mean energy of each patch in a row of patches, 0 without energy, at all columns."""
+    """-1 over the mean energy of each patch in a row of patches, 0 without energy (its inverse is no float32), at all columns."""
     period, sums = len(energy), zeros(columns)
     for row in range(period):
         source = energy[row]
@@ -318,7 +319,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
         total = _ZERO
         for column in range(left, left + period):
             total += sums[column]
-        over = np.float32(-period * period) / total if total > _ZERO else _ZERO
+        over = np.float32(-period * period) / total if total > _NO_ENERGY else _ZERO
         for column in range(left, left + period):
             sums[column] = over
     return sums

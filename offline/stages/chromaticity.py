@@ -1,6 +1,13 @@
 """One chromaticity per colour block by constrained least squares, and oriented medians against outliers (section 3.2, Eqs. 6-9).
 
-Oriented medians on the coarse image of block chromaticities (end of section 3.2).
+A block is taken for one material: m[n_i] = c_i l[n_i] at each site of channel i (Eq. 6), and sum_i gamma_i c_i = 1 (Eq. 7). So
+
+    c = argmin_c sum_i (sum_(n_i) (l[n_i] c_i - m[n_i])^2 + sigma_z^2 (c_i - 1 / sum gamma)^2),   sum_i gamma_i c_i = 1    (8, 9)
+
+where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` solves it. Medians of five blocks along four
+orientations then propose values for each block, channel by channel; the nearest proposal replaces its chromaticity, until nothing
+changes.
+tests/reference/chromaticity.py transcribes this literally.
 """
 
 from dataclasses import dataclass
@@ -12,10 +19,9 @@ from shared.arrays import BORDER, DoubleArray, FloatArray
 from shared.progress import SILENT, Progress
 
 from ..frame import BlockSums, Cleaned
-from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3, Ints1
+from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
-from ..numerics.lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
 from ..numerics.pieces import BLOCK_ROWS, in_strips
 from ..stage import CountOrNone, Range, StageSettings
 
@@ -39,7 +45,8 @@ class ChromaticitySettings(StageSettings):
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
-_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most
+# sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most.
+_LEAST_TOTAL = 0.5
 
 
 def estimate_chromaticities(
@@ -60,7 +67,8 @@ def estimate_chromaticities(
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:
-        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
+        sums = BlockSums(sums.weight, sums.weight * chromaticity) + others
+        chromaticity = sums.solved(sigma, gamma)
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
@@ -98,11 +106,10 @@ def sigma_z(frame: Cleaned) -> float:
 
     An estimate counts as no noise here: texture raises it, and single scenes then lose 0.2 dB, while the mean gains 0.01 dB.
     """
-    places, noise = frame.sites.places, None if frame.estimated else frame.noise
-    level = 0.0
-    for place in places:
-        level += float(frame.signal[place].mean()) / len(places)
-    variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))] if noise else [0.0]
+    if frame.estimated or (noise := frame.noise) is None:
+        return _LEAST_SIGMA
+    level = float(np.mean([frame.signal[place].mean() for place in frame.sites.places]))
+    variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))]
     return max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
 
 
@@ -115,112 +122,111 @@ def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, pro
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
     iterations = 0
-    wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half + SLACK)), mode=BORDER)
+    wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half)), mode=BORDER)
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
     while iterations < repetitions and changed.any():
-        found = np.zeros_like(changed)
-        oriented_median(before, after, columns, taps, changed, found)
-        before, after, changed = after, before, found
+        changes = np.zeros_like(changed)
+        oriented_median(before, after, taps, changed, changes)
+        before, after, changed = after, before, changes
         iterations += 1
         progress.advance()
     progress.solved("medians", iterations, float(changed.mean()))
     return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))
 
 
-SLACK = WIDTH
-"""Columns after the mirrored border, so that the last vector stays inside the array."""
-_LANES = WIDTH // 2  # of float64: the chromaticities are solved in double
 _FIVE = 5  # taps, as in the paper: those have a network of comparisons of their own
-_FAR = np.float64(np.inf)
 
 
 @parallel_kernel()
-def oriented_median(
-    pieces: Pieces, before: Doubles3, after: Doubles3, columns: int, taps: int, changed: Bools1, found: Bools1
-) -> None:
+def oriented_median(pieces: Pieces, before: Doubles3, after: Doubles3, taps: int, changed: Bools1, changes: Bools1) -> None:
     """Replace each vector by whichever of its four oriented 1-D medians is nearest to it.
 
-    before: (C, rows, taps // 2 + columns + taps // 2 + SLACK), with mirrored columns.
+    before: (C, rows, taps // 2 + columns + taps // 2), with mirrored columns.
     after: same shape, written, with mirrored columns.
-    columns: number of columns without the border.
     taps: length of the medians, odd, 3 or more.
     changed: bool (rows,), rows of `before` that the previous step changed; rows that see none of them are copied.
-    found: bool (rows,), set for the rows that this one changes.
+    changes: bool (rows,), set for the rows that this one changes.
     """
-    channels, rows = before.shape[:2]
-    half = taps // 2
+    (channels, rows, width), half = before.shape, taps // 2
+    columns = width - 2 * half
+    lines, medians = np.empty((taps, columns)), np.empty((channels, columns))
+    distance, nearest = np.empty(columns), np.empty(columns)
     for row in range(pieces[0], pieces[1]):
         near = np.array([mirrored(row + step, rows) for step in range(-half, half + 1)])
-        if changed[near].any():
-            _row_of_medians(before, after, row, near, columns, taps)
-            for channel in range(channels):
-                for column in range(half, half + columns):
-                    if after[channel, row, column] != before[channel, row, column]:
-                        found[row] = True
-                _mirror(after[channel, row], columns, half)
-        else:
-            for channel in range(channels):
-                for column in range(before.shape[2]):
-                    after[channel, row, column] = before[channel, row, column]
-
-
-@kernel
-def _row_of_medians(before: Doubles3, after: Doubles3, row: int, near: Ints1, columns: int, taps: int) -> None:
-    channels, half = before.shape[0], taps // 2
-    medians, chosen = np.empty((channels, _LANES)), np.zeros((2, channels, _LANES))
-    line = np.empty((taps, _LANES))
-    for column in range(half, half + columns, _LANES):
-        nearest, turn = load(before, (0, row, column)) * 0.0 + _FAR, 0
+        for channel in range(channels):
+            _copy(before[channel, row], after[channel, row])
+        if not changed[near].any():
+            continue
+        nearest[:] = np.inf
         for down, across in ORIENTATIONS:
-            distance = load(before, (0, row, column)) * 0.0
+            distance[:] = 0.0
             for channel in range(channels):
+                plane = before[channel]
                 if taps == _FIVE:
-                    median = _median_of_five(
-                        load(before, (channel, near[2 - 2 * down], column - 2 * across)),
-                        load(before, (channel, near[2 - down], column - across)),
-                        load(before, (channel, row, column)),
-                        load(before, (channel, near[2 + down], column + across)),
-                        load(before, (channel, near[2 + 2 * down], column + 2 * across)),
-                    )
+                    _median_of_five(
+                        plane[near[2 - 2 * down], 2 - 2 * across :], plane[near[2 - down], 2 - across :], plane[row, 2:],
+                        plane[near[2 + down], 2 + across :], plane[near[2 + 2 * down], 2 + 2 * across :], medians[channel]
+                    )  # fmt: skip
                 else:
                     for step in range(-half, half + 1):
-                        store(line, (step + half, 0), load(before, (channel, near[half + step * down], column + step * across)))
-                    median = _median(line)
-                store(medians, (channel, 0), median)
-                away = median - load(before, (channel, row, column))
-                distance += away * away
+                        _copy(plane[near[half + step * down], half + step * across :], lines[half + step])
+                    _sort(lines, half)
+                    _copy(lines[half], medians[channel])
+                _add_squares(medians[channel], before[channel, row, half:], distance)
             for channel in range(channels):
-                # Read here, written there: in one place the compiler makes it a masked store, which takes 20 cycles.
-                kept = load(chosen, (turn, channel, 0))
-                store(chosen, (1 - turn, channel, 0), where_less(distance, nearest, load(medians, (channel, 0)), kept))
-            nearest, turn = lesser(distance, nearest), 1 - turn
+                _take_nearer(medians[channel], distance, nearest, after[channel, row, half:])
+            for column in range(columns):
+                nearest[column] = min(nearest[column], distance[column])
         for channel in range(channels):
-            store(after, (channel, row, column), load(chosen, (turn, channel, 0)))
+            mine = after[channel, row]
+            changes[row] |= _differ(mine, before[channel, row])
+            for step in range(1, half + 1):
+                mine[half - step] = mine[half + mirrored(-step, columns)]
+                mine[half + columns - 1 + step] = mine[half + mirrored(columns - 1 + step, columns)]
 
 
 @kernel
-def _median_of_five(a: Lanes, b: Lanes, c: Lanes, d: Lanes, e: Lanes) -> Lanes:
-    """Median of five by a selection network: neither the least nor the greatest of the first four can be the median."""
-    low = greater(lesser(a, b), lesser(c, d))
-    high = lesser(greater(a, b), greater(c, d))
-    return greater(lesser(e, low), lesser(greater(e, low), high))
+def _copy(source: Doubles1, target: Doubles1) -> None:
+    for column in range(len(target)):
+        target[column] = source[column]
 
 
 @kernel
-def _median(line: Doubles2) -> Lanes:
-    """Median of the rows of `line`, by bubble-sorting the larger half to the end."""
-    taps = len(line)
-    for end in range(taps - 1, taps // 2 - 1, -1):
+def _differ(line: Doubles1, other: Doubles1) -> bool:
+    differ = False
+    for column in range(len(line)):
+        differ |= line[column] != other[column]
+    return differ
+
+
+@kernel
+def _median_of_five(a: Doubles1, b: Doubles1, c: Doubles1, d: Doubles1, e: Doubles1, out: Doubles1) -> None:
+    """Neither the least nor the greatest of the first four can be the median."""
+    for column in range(len(out)):
+        low = max(min(a[column], b[column]), min(c[column], d[column]))
+        high = min(max(a[column], b[column]), max(c[column], d[column]))
+        out[column] = max(min(e[column], low), min(max(e[column], low), high))
+
+
+@kernel
+def _sort(lines: Doubles2, half: int) -> None:
+    """Bring the larger half of each column to its end, so that the median stands in the middle."""
+    for end in range(2 * half, half - 1, -1):
         for place in range(end):
-            a, b = load(line, (place, 0)), load(line, (place + 1, 0))
-            store(line, (place, 0), lesser(a, b))
-            store(line, (place + 1, 0), greater(a, b))
-    return load(line, (taps // 2, 0))
+            first, second = lines[place], lines[place + 1]
+            for column in range(len(first)):
+                a, b = first[column], second[column]
+                first[column], second[column] = min(a, b), max(a, b)
 
 
 @kernel
-def _mirror(row: Doubles1, columns: int, half: int) -> None:
-    for step in range(1, half + 1):
-        row[half - step] = row[half + mirrored(-step, columns)]
-        row[half + columns - 1 + step] = row[half + mirrored(columns - 1 + step, columns)]
+def _add_squares(median: Doubles1, centre: Doubles1, distance: Doubles1) -> None:
+    for column in range(len(distance)):
+        distance[column] += (median[column] - centre[column]) ** 2
+
+
+@kernel
+def _take_nearer(median: Doubles1, distance: Doubles1, nearest: Doubles1, chosen: Doubles1) -> None:
+    for column in range(len(distance)):
+        chosen[column] = median[column] if distance[column] < nearest[column] else chosen[column]

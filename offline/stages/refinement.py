@@ -1,13 +1,18 @@
 """Non-local averaging of chromaticity among pixels whose luminance looks alike (section 3.3, Eqs. 15-16).
 
-Non-local averaging of chromaticity (Eqs. 15-16), in tiles that stay in the cache.
+    c+[n] = sum_n' kappa_n[n'] c[n'] / sum_n' kappa_n[n'],   n' in a window around n                       (15)
+    kappa_n[n'] = l[n'] exp(-(G * (l - l shifted by n' - n)^2)[n] / (2 h^2)),   h = lambda sigma_z          (16)
 
-Weights are computed once for all repetitions, and for half the offsets: the distance from n' to n equals that from n to n'. The
-offset (down, across) has the number down * side + across; the opposite one has its negative.
+G is a Gaussian, and negative luminance counts as none. tests/reference/refinement.py transcribes this literally.
+
+The kernel works in tiles that stay in the cache. Weights without l[n'] are computed once for all repetitions, and for half the
+offsets: the distance from n' to n equals that from n to n'. The offset (down, across) has the number down * side + across; the
+opposite one has its negative.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +20,7 @@ from shared.arrays import FloatArray, mirrored
 from shared.calibration import NoiseModel
 
 from ..measured import Measured
-from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair, Scalar
+from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
 from ..numerics.gaussian import gaussian
@@ -82,15 +87,18 @@ def refine(
         return part.rows(*rows).chromaticity.copy()
     result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
-    blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
+    # A window of (K + 1) x (K + 1) for even K.
+    blur, radius = gaussian(settings.blur * period), period // 2
     margin = (settings.repetitions + 1) * radius + len(blur) // 2
     down, across = (
         mirrored(np.arange(first - margin, end + margin), size)
         for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
     )
-    at = (down - part.first).clip(0, len(part.chromaticity) - 1)  # beyond them, weights alone are needed
+    # Beyond the rows of the part, weights alone are needed.
+    at = (down - part.first).clip(0, len(part.chromaticity) - 1)
     initial = np.ascontiguousarray(part.chromaticity)
-    average(initial, luminance, (down, at, across), radius, blur, -0.5 / width**2, settings.repetitions, result)
+    window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
+    average(initial, luminance, Places(down, at, across), window, result)
     return result
 
 
@@ -100,59 +108,74 @@ def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
 
 
 _ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
-_TOGETHER = 4  # planes summed at a time: 12 % faster than two with the registers of AVX-512, 1 % slower with those of AVX2
+_TOGETHER = 4  # planes summed at a time
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
 
-@parallel_kernel(pieces=lambda *given: tiles(given[-1].shape[:2], (_ROWS, _COLUMNS)))
-def average(
-    pieces: Pieces,
-    initial: Floats3,
-    luminance: Floats2,
-    places: tuple[Ints1, Ints1, Ints1],
-    radius: int,
-    blur: Floats1,
-    falloff: float,
-    repetitions: int,
-    out: Floats3,
-) -> None:
+class Places(NamedTuple):
+    """Where each row and column of a result lies, and those that it depends on.
+
+    Those are radius * (repetitions + 1) + half the taps of the blur more at both ends.
+    rows: in the frame. initial_rows: in the chromaticities that are given. columns: in both.
+    """
+
+    rows: Ints1
+    initial_rows: Ints1
+    columns: Ints1
+
+
+class Window(NamedTuple):
+    """Pixels that are averaged.
+
+    radius: of the square window around n, pixels.
+    blur: taps of the Gaussian G, an odd number.
+    falloff: -1 / (2 h^2).
+    repetitions: 1 or more.
+    """
+
+    radius: int
+    blur: Floats1
+    falloff: float
+    repetitions: int
+
+
+@parallel_kernel(pieces=lambda *arguments: tiles(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
+def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places, window: Window, out: Floats3) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
 
     initial: (rows, W, C), chromaticities.
     luminance: (H, W), scene units.
-    places: the row of `luminance`, the row of `initial` and the column of both for each row and column of `out`, and for those that
-        it depends on: radius * (repetitions + 1) + half the taps more at both ends.
-    radius: radius of the square window around n, pixels.
-    blur: taps of the Gaussian, an odd number.
-    falloff: -1 / (2 h^2).
-    repetitions: 1 or more.
     out: (rows of the result, W, C), written.
     """
-    (height, width, channels), reach = out.shape, len(blur) // 2
-    margin, begin = (repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
-    lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
-    tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
+    (height, width, channels), radius, reach = out.shape, window.radius, len(window.blur) // 2
+    margin = (window.repetitions + 1) * radius + reach
+    # Spare columns in front, so that the first one with weights begins where a vector does.
+    begin = (radius + reach + WIDTH - 1) // WIDTH * WIDTH
+    lead = begin - radius - reach
+    tall = min(_ROWS, height) + 2 * margin
+    wide = (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
     weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
-    colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
-    light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
+    colour, mean, light = zeros(planes, tall, wide), zeros(planes, tall, wide), zeros(tall, wide)
     for tile in range(pieces[0], pieces[1]):
         top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
-            tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
-            _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
-        rows, columns = (2 * radius, below + margin - 2 * radius), (begin, lead + after + margin - radius - reach)
-        _weigh(light, rows, columns, radius, blur, np.float32(falloff), (squares, lines), weights)
-        for following in range(repetitions - 1, -1, -1):
+            source, tints = luminance[places.rows[top + row]], initial[places.initial_rows[top + row]]
+            across = places.columns[left : left + after + margin]
+            _gather(source, tints, across, light[row, lead:], colour[:, row, lead:])
+        columns = begin, lead + after + margin - radius - reach
+        _weigh(light, (2 * radius, below + margin - 2 * radius), columns, window, weights)
+        for following in range(window.repetitions - 1, -1, -1):
             rows = margin - following * radius, below + following * radius
             _average(weights, colour, rows, columns, radius, mean)
             if following:
                 _lit(mean, rows, columns, colour)
         for row in range(margin, below):
-            found = out[top + row - margin, left : left + after - margin]
-            _finish(mean[:, row, lead + margin :], initial[places[1][top + row], left:], found)
+            before = initial[places.initial_rows[top + row], left:]
+            refined = out[top + row - margin, left : left + after - margin]
+            _finish(mean[:, row, lead + margin :], before, refined)
 
 
 @kernel
@@ -171,20 +194,19 @@ def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
     """Write a row of the result; a pixel without light around it keeps its chromaticity."""
     for channel in range(out.shape[1]):
         for column in range(len(out)):
-            out[column, channel] = mean[channel + 1, column] if mean[0, column] > _LEAST else initial[column, channel]
+            lit = mean[0, column] > _LEAST
+            out[column, channel] = mean[channel + 1, column] if lit else initial[column, channel]
 
 
 @kernel
-def _weigh(
-    light: Floats2, rows: Pair, columns: Pair, radius: int, blur: Floats1, falloff: Scalar,
-    memory: tuple[Floats1, Floats2], weights: Floats3
-) -> None:  # fmt: skip
+def _weigh(light: Floats2, rows: Pair, columns: Pair, window: Window, weights: Floats3) -> None:
     """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
 
     rows: the first and the end of those that the first repetition looks at, `reach` more on both sides. columns: with weights.
-    memory: for a line and a plane of squared differences.
     """
-    (squares, lines), reach, side = memory, len(blur) // 2, 2 * radius + 1
+    radius, blur, falloff = window.radius, window.blur, np.float32(window.falloff)
+    reach, side = len(blur) // 2, 2 * radius + 1
+    squares, lines = zeros(light.shape[1]), zeros(len(light), light.shape[1])
     for offset in range(len(weights)):
         down, across = (offset + radius) // side, (offset + radius) % side - radius
         for row in range(rows[0] - down, rows[1]):  # those above are paired with the first ones
@@ -196,52 +218,39 @@ def _weigh(
                 for tap in range(1, len(blur)):
                     total += blur[tap] * load(squares, column - reach + tap)
                 store(lines, (row, column), total)
-        for row in range(rows[0] - down + reach, rows[1] - reach, 2):
+        for row in range(rows[0] - down + reach, rows[1] - reach):
             for column in range(columns[0], columns[1], WIDTH):
-                following = load(lines, (row - reach + 1, column))
-                upper, lower = blur[0] * load(lines, (row - reach, column)), blur[0] * following
+                total = blur[0] * load(lines, (row - reach, column))
                 for tap in range(1, len(blur)):
-                    upper += blur[tap] * following
-                    following = load(lines, (row - reach + tap + 1, column))
-                    lower += blur[tap] * following
-                store(weights, (offset, row, column), _weight(upper * falloff))
-                store(weights, (offset, row + 1, column), _weight(lower * falloff))
-
-
-@kernel
-def _weight(exponent: Lanes) -> Lanes:
-    """e^x, and 0 below an exponent of -87."""
-    return where_less(exponent, LEAST_EXPONENT, _ZERO, exponential(exponent))
+                    total += blur[tap] * load(lines, (row - reach + tap, column))
+                total *= falloff
+                weight = where_less(total, LEAST_EXPONENT, _ZERO, exponential(total))
+                store(weights, (offset, row, column), weight)
 
 
 @kernel
 def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3) -> None:
     """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of the others divided by it.
 
-    Two rows are computed together, which have most neighbours in common. Beside the edges nothing is right, and nothing is used.
+    Beside the edges nothing is right, and nothing is used.
     """
     nothing = _ZERO * load(colour, (0, 0, 0))
-    for row in range(rows[0], rows[1], 2):
+    for row in range(rows[0], rows[1]):
         for column in range(columns[0], columns[1], WIDTH):
             for plane in range(0, len(colour), _TOGETHER):
-                a = b = c = d = e = f = g = h = nothing
-                for y in range(row - radius, row + radius + 2):
+                a = b = c = d = nothing
+                for y in range(row - radius, row + radius + 1):
                     for x in range(column - radius, column + radius + 1):
-                        s, t = load(colour, (plane, y, x)), load(colour, (plane + 1, y, x))
-                        u, v = load(colour, (plane + 2, y, x)), load(colour, (plane + 3, y, x))
-                        if y <= row + radius:
-                            weight = _between(weights, row, column, y, x, radius)
-                            a, b, c, d = a + weight * s, b + weight * t, c + weight * u, d + weight * v
-                        if y > row - radius:
-                            weight = _between(weights, row + 1, column, y, x, radius)
-                            e, f, g, h = e + weight * s, f + weight * t, g + weight * u, h + weight * v
-                for step, upper, lower in ((0, a, e), (1, b, f), (2, c, g), (3, d, h)):
-                    store(mean, (plane + step, row, column), upper)
-                    store(mean, (plane + step, row + 1, column), lower)
-            for each in range(row, row + 2):
-                share = quotient(_ONE, greater(load(mean, (0, each, column)), _LEAST))
-                for plane in range(1, len(colour)):
-                    store(mean, (plane, each, column), load(mean, (plane, each, column)) * share)
+                        weight = _between(weights, row, column, y, x, radius)
+                        a += weight * load(colour, (plane, y, x))
+                        b += weight * load(colour, (plane + 1, y, x))
+                        c += weight * load(colour, (plane + 2, y, x))
+                        d += weight * load(colour, (plane + 3, y, x))
+                for step, value in enumerate((a, b, c, d)):
+                    store(mean, (plane + step, row, column), value)
+            share = quotient(_ONE, greater(load(mean, (0, row, column)), _LEAST))
+            for plane in range(1, len(colour)):
+                store(mean, (plane, row, column), load(mean, (plane, row, column)) * share)
 
 
 @kernel
@@ -257,4 +266,5 @@ def _lit(mean: Floats3, rows: Pair, columns: Pair, colour: Floats3) -> None:
     for plane in range(1, len(colour)):
         for row in range(rows[0], rows[1]):
             for column in range(columns[0], columns[1], WIDTH):
-                store(colour, (plane, row, column), load(colour, (0, row, column)) * load(mean, (plane, row, column)))
+                light = load(colour, (0, row, column))
+                store(colour, (plane, row, column), light * load(mean, (plane, row, column)))

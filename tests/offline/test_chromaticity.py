@@ -6,10 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities
+from offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities, oriented_medians
+from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot
+from tests.offline.stage_tests import StageTests
 from tests.reference import chromaticity as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
@@ -22,6 +24,12 @@ RELATIVE = 1e-6
 
 PAPER = ChromaticitySettings()
 NO_MEDIANS = ChromaticitySettings(taps=1)
+
+
+class TestChromaticity(StageTests):
+    def run(self, mosaic: Mosaic) -> FloatArray:
+        luminance = recover_luminance(mosaic, self.settings.luminance)
+        return estimate_chromaticities(cleaned(mosaic), luminance, self.settings.chromaticity)
 
 
 def expected(mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettings) -> DoubleArray:
@@ -187,3 +195,29 @@ def test_a_thin_line_stays(step: tuple[int, int]) -> None:
     for along in range(-4, 5):
         coarse[4 + along * step[0], 4 + along * step[1]] = ODD
     assert_close(filtered(coarse), coarse, FLOAT32)
+
+
+@pytest.mark.parametrize("taps", [3, 5, 7, 9])
+@pytest.mark.parametrize("shape", [(1, 1, 2), (1, 9, 3), (2, 3, 3), (17, 8, 4), (23, 41, 3)])
+def test_one_step_equals_the_reference(shape: tuple[int, int, int], taps: int) -> None:
+    """To the bit: medians and comparisons, no arithmetic on what is kept."""
+    coarse = np.random.default_rng(taps).normal(size=shape)
+    expected = np.empty_like(coarse)
+    for row, column in np.ndindex(shape[:2]):
+        near = reference.proposals(coarse, row, column, taps)
+        expected[row, column] = near[int(np.argmin([np.sum((value - coarse[row, column]) ** 2) for value in near]))]
+    assert np.array_equal(oriented_medians(coarse, taps, 1), expected)
+
+
+@pytest.mark.parametrize("taps", [3, 5])
+def test_only_rows_that_change_are_done_again(taps: int) -> None:
+    """Going on step by step, each from scratch, is the same as all at once."""
+    coarse = np.random.default_rng(4).normal(size=(31, 26, 3))
+    coarse[:12] = 0.5
+    step, steps = coarse, 0
+    while not np.array_equal(following := oriented_medians(step, taps, 1), step):
+        step, steps = following, steps + 1
+    assert steps > 3
+    assert np.array_equal(oriented_medians(coarse, taps, 100), step)
+    assert np.array_equal(oriented_medians(coarse, taps, 2), oriented_medians(oriented_medians(coarse, taps, 1), taps, 1))
+    assert np.array_equal(oriented_medians(coarse, taps, 0), coarse)

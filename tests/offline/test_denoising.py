@@ -7,10 +7,12 @@ import pytest
 
 from offline.settings import BEST
 from offline.stages import denoising as product
-from offline.stages.denoising import denoise_luminance
+from offline.stages.denoising import cosines, denoise_luminance
+from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import DoubleArray
+from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import gamma_of, materials
+from tests.offline.stage_tests import StageTests
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
@@ -19,6 +21,12 @@ from tests.reference.sensor import observe
 FLOAT32 = 5e-5
 MODELS = [NoiseModel.gaussian(0.05, 4), NoiseModel((2e-3,) * 4, (0.02,) * 4), NoiseModel((3e-3,) * 4, (0.0,) * 4)]
 SETTINGS = BEST.denoising
+
+
+class TestDenoising(StageTests):
+    def run(self, mosaic: Mosaic) -> FloatArray:
+        luminance = recover_luminance(mosaic, self.settings.luminance)
+        return denoise_luminance(luminance, mosaic, self.settings.denoising)
 
 
 def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArray]:
@@ -62,3 +70,29 @@ def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> N
     silent = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
     assert denoise_luminance(given, silent, SETTINGS) is given
     assert denoise_luminance(given, mosaic, replace(SETTINGS, strength=0.0)) is given
+
+
+@pytest.mark.parametrize(
+    ("shape", "sizes"),
+    [((7, 9), (8,)), ((9, 37), (4, 8)), ((19, 23), (8, 12)), ((31, 14), (16,)), ((140, 9), (4,)), ((8, 270), (8,))],
+)
+def test_equals_the_reference_with_blocks_of_any_size(shape: tuple[int, int], sizes: tuple[int, ...]) -> None:
+    mosaic, plane = noisy(shape, MODELS[1])
+    settings = replace(SETTINGS, sizes=sizes)
+    uncertain = ~mosaic.pattern.panchromatic_mask(shape)
+    expected = reference.denoise_luminance(plane, uncertain, MODELS[1].shot[-1], MODELS[1].read[-1], settings)
+    assert_close(denoise_luminance(plane.astype(np.float32), mosaic, settings), expected, FLOAT32)
+
+
+def test_windows_leave_no_trace() -> None:
+    """A window sees all that its pixels depend on: seams would show where frames of other sizes have none."""
+    mosaic, plane = noisy((300, 530), MODELS[0])
+    part = Mosaic(mosaic.signal[:, :200].copy(), mosaic.pattern, mosaic.calibration)
+    whole = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
+    found = denoise_luminance(plane[:, :200].astype(np.float32), part, SETTINGS)
+    assert np.array_equal(found[:, :170], whole[:, :170])
+
+
+def test_cosines_are_orthonormal() -> None:
+    for size in (4, 8, 12):
+        assert_close(cosines(size).astype(np.float64) @ cosines(size).T, np.eye(size), 1e-6)

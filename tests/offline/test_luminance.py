@@ -1,15 +1,19 @@
 """Hole filling against its reference, and against what Eqs. 1-5 promise."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from offline.settings import UNLEARNED
+from offline.stages import luminance as product
 from offline.stages.luminance import LuminanceSettings, fill, recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, materials, shot
+from tests.offline.stage_tests import StageTests
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
 
@@ -22,6 +26,11 @@ ROUND_TRIP = 1e-6
 SETTLED = 1e-4
 
 PAPER = LuminanceSettings()
+
+
+class TestLuminance(StageTests):
+    def run(self, mosaic: Mosaic) -> FloatArray:
+        return recover_luminance(mosaic, self.settings.luminance)
 
 
 def shrink(picture: FloatArray, threshold: float) -> FloatArray:
@@ -67,10 +76,29 @@ def test_equals_the_reference_wherever_the_last_block_lies(side: int) -> None:
     assert_close(recover_luminance(mosaic, PAPER), expected(mosaic), FLOAT32)
 
 
-@pytest.mark.parametrize("scale", [0.0, 1e-6, -1.0, 1e4])
-def test_equals_the_reference_at_extreme_values(scale: float) -> None:
-    mosaic = panchromatic(scale * np.random.default_rng(3).normal(size=(19, 22)), CfaPattern.bayer(6, origin=(1, 2)))
+@pytest.mark.parametrize("scale", [0.0, 1e-12, 1e-3, -1.0, 1e6])
+@pytest.mark.parametrize("period", [4, 6])
+def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> None:
+    mosaic = panchromatic(scale * np.random.default_rng(3).normal(size=(19, 38)), CfaPattern.bayer(period, origin=(1, 2)))
     assert_close(recover_luminance(mosaic, PAPER), expected(mosaic), FLOAT32 * max(1.0, scale))
+
+
+@pytest.mark.parametrize(("pattern", "shape"), frames(18, 330, seed=1))
+def test_isolated_blocks_are_filled_as_the_whole_plane_would_be(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic = panchromatic(np.random.default_rng(0).normal(0.8, 0.3, size=shape), pattern)
+    mask = pattern.panchromatic_mask(shape)
+    start = reference.start(mosaic.signal.astype(np.float64), mask, around=len(pattern.sites) > 4).astype(np.float32)
+    thresholds = (PAPER.threshold * PAPER.decay ** np.arange(PAPER.iterations)).astype(np.float32)
+    assert_close(recover_luminance(mosaic, PAPER), fill(start, ~mask, thresholds)[0].astype(np.float64), FLOAT32)
+
+
+@pytest.mark.parametrize("period", [4, 6, 8])
+def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int, each_thread_count: Iterator[int]) -> None:
+    mosaic = panchromatic(np.random.default_rng(0).normal(0.8, 0.3, size=(163, 201)), CfaPattern.bayer(period, origin=(2, 1)))
+    whole = recover_luminance(mosaic, PAPER)
+    monkeypatch.setattr(product, "_PIECE", 3)
+    for _ in each_thread_count:
+        assert np.array_equal(recover_luminance(mosaic, PAPER), whole)
 
 
 @every_case

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.measured import Measured
-from offline.parts import Part, applied
-from offline.stages.refinement import Refinement, RefinementSettings, noise_level, refine
+from offline.parts import Part
+from offline.stages.refinement import RefinementSettings, noise_level, refine
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
@@ -71,15 +70,6 @@ def test_equals_the_reference_at_other_settings(settings: RefinementSettings) ->
     assert_close(refined(initial, light, mosaic, settings), expected(initial, light, mosaic, settings), 2 * FLOAT32)
 
 
-@pytest.mark.parametrize("rows", [1, 5, 8, 1000])
-def test_bands_leave_no_trace(rows: int) -> None:
-    initial, light, mosaic = case(*CASES["odd"])
-    measured = Measured(mosaic.pattern, mosaic.calibration, light, initial)
-    parts = (Part(0, light, initial).rows(top, min(top + rows, len(light))) for top in range(0, len(light), rows))
-    found = [part.chromaticity for part in applied(parts, Refinement(measured, PAPER), len(light))]
-    assert np.array_equal(np.concatenate(found), refined(initial, light, mosaic, PAPER))
-
-
 def test_noise_is_panchromatic_noise_at_the_mean_luminance() -> None:
     initial, light, mosaic = case(*CASES["odd"])
     noise = NoiseModel((9.0, 9.0, 9.0, 3e-5), (9.0, 9.0, 9.0, 1e-3))
@@ -96,10 +86,36 @@ def test_no_repetitions_change_nothing() -> None:
     assert np.array_equal(refined(initial, light, mosaic, RefinementSettings(repetitions=0)), initial)
 
 
-def test_inputs_are_left_as_they_were() -> None:
-    initial, light, mosaic = case(*CASES["odd"])
-    copies = initial.copy(), light.copy()
-    found = refined(initial, light, mosaic, PAPER)
-    assert np.array_equal(initial, copies[0])
-    assert np.array_equal(light, copies[1])
-    assert not np.shares_memory(found, initial)
+@pytest.mark.parametrize("repetitions", [1, 3])
+@pytest.mark.parametrize(
+    ("shape", "period", "blur", "channels"),
+    [
+        ((1, 1), 3, 1 / 8, 3),
+        ((3, 40), 6, 1 / 8, 2),
+        ((16, 17), 4, 1 / 8, 5),
+        ((131, 283), 6, 1 / 8, 3),
+        ((45, 300), 16, 1 / 8, 3),
+        ((5, 5), 16, 1 / 8, 3),
+    ],
+)
+def test_equals_the_reference_in_tiles(shape: tuple[int, int], period: int, blur: float, channels: int, repetitions: int) -> None:
+    """Frames of several tiles, and windows larger than the frame."""
+    random, (row, column) = np.random.default_rng(0), np.indices(shape)
+    light = (0.6 + 0.4 * np.sin(row / 6.0) * np.cos(column / 9.0) + random.normal(0, 0.05, shape)).astype(np.float32)
+    initial = random.uniform(0.1, 1.0, (*shape, channels)).astype(np.float32)
+    settings = RefinementSettings(strength=1.0, blur=blur, repetitions=repetitions)
+    right = reference.refine(
+        initial.astype(np.float64), light.astype(np.float64), period, h=0.2, blur_periods=blur, repetitions=repetitions
+    )
+    assert_close(refine(Part(0, light, initial), (0, shape[0]), light, period, 0.2, settings), right, 2 * FLOAT32)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_the_dark_is_left_as_it_was(value: float) -> None:
+    """Where the window has no light, and only there; nearby light counts however little it resembles."""
+    initial, light, mosaic = case(CfaPattern.bayer(6), (40, 50))
+    light[:, :25] = value
+    assert np.array_equal(refined(initial, light, mosaic, PAPER)[:, :22], initial[:, :22])
+    # So narrow a window that no weight is left: as in exact arithmetic, where they are smaller than any number.
+    narrow = RefinementSettings(strength=0.0, floor=1e-4, repetitions=1)
+    assert np.array_equal(refined(initial, light, mosaic, narrow)[:, :25], initial[:, :25])

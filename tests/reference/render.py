@@ -53,7 +53,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
-    initial = propagation.propagate(blocks, alpha, light, pattern, **vars(settings.propagation))
+    initial = propagation.propagate(blocks, alpha, light, pattern)
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
