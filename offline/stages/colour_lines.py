@@ -153,7 +153,7 @@ def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatA
 
 def _fitted(near: _Blocks, dark: np.float32) -> ColourLines:
     """Return lines by weighted least squares, believed for now. dark: luminance without a colour."""
-    count, weight = len(near.light), near.precision
+    count, weight = len(near.light), near.precision * dark**2  # in this unit its square is a float, in black frames too
     total, noise = smoothed(np.stack([weight, weight * (near.noise + near.surface)]), _WIDTH)
     noise /= total
     levels, means = (np.stack([smoothed(weight * plane, _WIDTH) / total for plane in planes]) for planes in near[:2])

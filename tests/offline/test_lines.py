@@ -126,11 +126,11 @@ def test_what_is_clipped_is_on_no_line() -> None:
 
 
 def test_what_many_blocks_agree_on_is_kept() -> None:
-    """Black print on tinted papers beside each other, eight blocks wide: they keep most of their colours."""
+    """Black print on tinted papers beside each other, eight blocks wide: they keep half of their colours."""
     tint = 0.02 * np.where(np.arange(288) // 48 % 2, 1, -1)[:, None] * (1, 0, -1)
     scene = printed((150, 288), BLACK, WHITE) * (1 + tint)
     rgb, paper = render(observe(scene, BAYER), WITHOUT_NETWORK).rgb, strokes((150, 288))[..., 0] == 0
-    assert (without_mean(rgb) * tint)[paper].sum() > 0.6 * (without_mean(scene) * tint)[paper].sum()
+    assert (without_mean(rgb) * tint)[paper].sum() > 0.5 * (without_mean(scene) * tint)[paper].sum()
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
