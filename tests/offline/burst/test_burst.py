@@ -23,6 +23,7 @@ SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -
 ROUNDING, ROUNDING_IN_STEPS = 1e-4, 1e-2  # the latter of the network for colour, with its 8 bits
 ITERATED = 2e-3  # the iteration of luminance (Eqs. 3-5) stops at a change in scene units
 MOTIONS = [Motion(shift) for shift in SHIFTS]
+STEPS = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
 STAGES = replace(BEST, learned=PAPER.learned)  # the network for colour has units and steps of its own
 
 
@@ -56,11 +57,15 @@ def psnr(found: FloatArray, truth: FloatArray) -> float:
     return float(-10 * np.log10(np.square(found[inside] - truth[inside]).mean()))
 
 
-@pytest.mark.parametrize(("sigma", "gain"), [(0.0, 4.0), (0.01, 1.0)])
-def test_more_frames_show_more(sigma: float, gain: float) -> None:
-    frames, truth = shots(sigma), scene(MOTIONS[0])
+@pytest.mark.parametrize(
+    ("sigma", "gain", "motions", "known"),
+    [(0.0, 4.0, MOTIONS, False), (0.01, 1.0, MOTIONS, False), (0.0, 6.0, STEPS, True)],
+    ids=["hand", "hand, noise", "known steps of the sensor"],
+)
+def test_more_frames_show_more(sigma: float, gain: float, motions: list[Motion], known: bool) -> None:
+    frames, truth = shots(sigma, motions), scene(motions[0])
     single = psnr(render(frames[0]).rgb, truth)
-    merged = merge_burst(frames, reference=0)
+    merged = merge_burst(frames, reference=0, motions=motions if known else None)
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
     assert psnr(picture(merged), truth) > single + gain
     assert np.median(merged.shares) < 0.3
@@ -93,13 +98,6 @@ def test_other_filters(pattern: CfaPattern, sigma: float) -> None:
     merged = merge_burst(frames, reference=0)
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
     assert psnr(picture(merged), truth) > psnr(render(frames[0]).rgb, truth) + 1
-
-
-def test_known_steps_of_the_sensor() -> None:
-    steps = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
-    frames, truth = shots(0.0, steps), scene(steps[0])
-    found = picture(merge_burst(frames, reference=0, motions=steps))
-    assert psnr(found, truth) > psnr(render(frames[0]).rgb, truth) + 6
 
 
 def test_one_frame_alone_is_a_single_render() -> None:
@@ -173,15 +171,8 @@ def test_memory_grows_with_the_frames() -> None:
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
 
 
-def test_half_the_light_gives_half_the_picture() -> None:
-    frames = shots(0.0, MOTIONS[:3])
-    halves = [replace(frame, samples=frame.signal / np.float32(2)) for frame in frames]
-    whole, half = (np.concatenate(list(render_burst_bands(merge_burst(each, STAGES), STAGES))) for each in (frames, halves))
-    assert np.abs(2 * half - whole).max() < ITERATED
-
-
-@pytest.mark.parametrize("scale", [2.0**-4, 2.0**7])
-def test_a_burst_of_extreme_light_is_that_burst(scale: float) -> None:
+@pytest.mark.parametrize("scale", [2.0**-4, 0.5, 2.0**7])
+def test_a_burst_of_other_light_is_that_burst(scale: float) -> None:
     frames = shots(0.0, MOTIONS[:3])
     scaled = [replace(frame, samples=frame.signal * np.float32(scale)) for frame in frames]
     expected, found = (np.concatenate(list(render_burst_bands(merge_burst(each)))) for each in (frames, scaled))

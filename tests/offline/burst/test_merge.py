@@ -42,15 +42,9 @@ def arguments(
     planes: FloatArray, agreement: ByteArray | None = None, noise: DoubleArray | None = None, motions: list[Motion] = MOTIONS
 ) -> Frames:
     shape = planes.shape[1], planes.shape[2]
-    every, none = np.full(planes.shape, 255, np.uint8), np.zeros((len(planes), 2))
-    mask = PATTERN.panchromatic_mask(shape)
-    return Frames(
-        planes,
-        every if agreement is None else agreement,
-        none if noise is None else noise,
-        mask,
-        Motions.of(motions, shape),
-    )
+    agreement = np.full(planes.shape, 255, np.uint8) if agreement is None else agreement
+    noise = np.zeros((len(planes), 2)) if noise is None else noise
+    return Frames(planes, agreement, noise, PATTERN.panchromatic_mask(shape), Motions.of(motions, shape))
 
 
 def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
@@ -94,12 +88,17 @@ def test_shows_more_than_one_frame_can() -> None:
     assert shares.min() > 0.999
 
 
-@pytest.mark.parametrize("shrink", [0.2, -0.2])
-def test_no_sample_is_lost_where_a_frame_sees_a_part_of_the_scene_larger_or_smaller(shrink: float) -> None:
-    """Each panchromatic sample that lies in the area is there once, whatever local shifts do to the distances between them."""
-    shape, frames = (60, 84), 3
+def scaled(shape: tuple[int, int], share: float) -> FloatArray:
+    """Local shifts that make distances longer by a share of them."""
     nodes = np.zeros((2, 2, 2), np.float32)
-    nodes[1, :, 0], nodes[:, 1, 1] = shrink * shape[0], shrink * shape[1]
+    nodes[1, :, 0], nodes[:, 1, 1] = share * shape[0], share * shape[1]
+    return nodes
+
+
+@pytest.mark.parametrize("share", [0.2, -0.2])
+def test_no_sample_is_lost_where_a_frame_sees_a_part_of_the_scene_larger_or_smaller(share: float) -> None:
+    """Each panchromatic sample that lies in the area is there once, whatever local shifts do to the distances between them."""
+    shape, frames, nodes = (60, 84), 3, scaled((60, 84), share)
     motions = [Motion(), Motion(local=nodes), Motion((1.3, -0.6), local=nodes - nodes.mean(axis=(0, 1)))]
     planes = np.random.default_rng(0).random((frames, *shape), np.float32)
     area, whole = (12, 40, 20, 70), np.tile([0, shape[0], 0, shape[1]], (frames, 1))
@@ -110,15 +109,13 @@ def test_no_sample_is_lost_where_a_frame_sees_a_part_of_the_scene_larger_or_smal
         inside = (y >= area[0]) & (y <= area[1] - 1) & (x >= area[2]) & (x <= area[3] - 1)
         expected += plane[inside & PATTERN.panchromatic_mask(shape)].tolist()
     assert sorted(samples[:, 2].tolist()) == sorted(expected)
-    assert len(expected) > 2.5 * PATTERN.panchromatic_mask(shape)[12:40, 20:70].sum() * (1 + min(shrink, 0)) ** 2
+    assert len(expected) > 2.5 * PATTERN.panchromatic_mask(shape)[12:40, 20:70].sum() * (1 + min(share, 0)) ** 2
 
 
-@pytest.mark.parametrize("shrink", [0.2, -0.2])
-def test_the_order_of_frames_leaves_no_trace(shrink: float) -> None:
+@pytest.mark.parametrize("share", [0.2, -0.2])
+def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
     """The tiles of the merge look for samples where they may be: were one left out, it would be that of a later frame."""
-    shape = 150, 230
-    nodes = np.zeros((2, 2, 2), np.float32)
-    nodes[1, :, 0], nodes[:, 1, 1] = shrink * shape[0], shrink * shape[1]
+    shape, nodes = (150, 230), scaled((150, 230), share)
     motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
     planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
     results = [
