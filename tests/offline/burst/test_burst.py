@@ -191,8 +191,8 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    for module in ("burst.colour", "stages.affinity"):
-        monkeypatch.setattr(f"offline.{module}.report", lambda *_: None)
+    for module in ("offline.burst.colour", "offline.stages.affinity"):
+        monkeypatch.setattr(f"{module}.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
 
