@@ -8,6 +8,10 @@ where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` sol
 orientations then propose values for each block, channel by channel; the nearest proposal replaces its chromaticity, until nothing
 changes.
 tests/reference/chromaticity.py transcribes this literally.
+
+Not in the paper: medians remove fine detail of colour with the errors. An error of a block also violates Eq. 7 (its samples do not
+add up to its luminance), detail does not. With r the chromaticity that the medians removed, e the violation, n the variance of
+noise, all times light and averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is returned.
 """
 
 from dataclasses import dataclass
@@ -22,8 +26,9 @@ from ..frame import BlockSums, Cleaned
 from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
+from ..numerics.gaussian import smoothed
 from ..numerics.pieces import BLOCK_ROWS, in_strips
-from ..stage import CountOrNone, Range, StageSettings
+from ..stage import CountOrNone, Finite, Range, StageSettings
 
 
 @dataclass(frozen=True)
@@ -32,21 +37,24 @@ class ChromaticitySettings(StageSettings):
 
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
+    detail: how much of what the medians removed is returned where blocks add up to their luminance, 0 or more; 0 = nothing.
     """
 
     taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
     repetitions: CountOrNone = 20
+    detail: Finite = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Those of the stage."""
-        return ("oriented_median",) if self.taps > 1 else ()
+        return ("oriented_median",) * (self.taps > 1) + ("smooth",) * (self.detail > 0)
 
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
 # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most.
 _LEAST_TOTAL = 0.5
+_DETAIL_WIDTH = 2.0  # blocks: standard deviation of the neighbourhood in which detail is told from errors; half or twice: 0.07 dB
 
 
 def estimate_chromaticities(
@@ -67,8 +75,8 @@ def estimate_chromaticities(
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:
-        sums = BlockSums(sums.weight, sums.weight * chromaticity) + others
-        chromaticity = sums.solved(sigma, gamma)
+        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
+    unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
@@ -83,7 +91,19 @@ def estimate_chromaticities(
             scaled[rows] = np.where(total > _LEAST_TOTAL, scaled[rows], projected)
 
     in_strips(constrain, len(scaled), BLOCK_ROWS)
+    if settings.detail:
+        scaled += _detail(unfiltered - scaled, sums, sigma, gamma, settings.detail)
     return frame.sites.grid.extend(scaled.astype(np.float32))
+
+
+def _detail(removed: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float) -> DoubleArray:
+    """Return the share of what the medians removed that is detail, (rows, columns, C)."""
+    light, certain = sums.weight.mean(axis=2), sums.weight + sigma**2
+    violation = ((sums.product + sigma**2 / gamma.sum()) / certain) @ gamma - 1
+    energies = light * violation**2, (sigma**2 * light[..., None] / certain).sum(axis=2), light * (removed**2).sum(axis=2)
+    error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
+    share = np.clip(1 - (error / gain + noise) / np.maximum(power, np.finfo(np.float32).tiny), 0, 1)
+    return share[..., None] * removed
 
 
 def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:

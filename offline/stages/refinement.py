@@ -24,7 +24,7 @@ from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
 from ..numerics.gaussian import gaussian
-from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store, where_less
+from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..numerics.pieces import tiles
 from ..parts import Look, Part, RowStage
 from ..stage import CountOrNone, NotNegative, Positive, StageSettings
@@ -223,9 +223,15 @@ def _weigh(light: Floats2, rows: Pair, columns: Pair, window: Window, weights: F
                 total = blur[0] * load(lines, (row - reach, column))
                 for tap in range(1, len(blur)):
                     total += blur[tap] * load(lines, (row - reach + tap, column))
-                total *= falloff
-                weight = where_less(total, LEAST_EXPONENT, _ZERO, exponential(total))
-                store(weights, (offset, row, column), weight)
+                store(weights, (offset, row, column), total * falloff)
+            _exponentials(weights[offset, row, columns[0] : columns[1]])
+
+
+@kernel
+def _exponentials(line: Floats1) -> None:
+    for column in range(len(line)):
+        weight = exponential(line[column])
+        line[column] = weight if line[column] >= LEAST_EXPONENT else _ZERO
 
 
 @kernel

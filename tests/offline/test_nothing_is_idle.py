@@ -41,7 +41,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "sizes": ((12,), 0.02),
         "threshold": (2.0, 0.02),
     },
-    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
+    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "detail": (1e3, None)},
     "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "curvature_error": (0.0, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02), "likeness": (200.0, 0.02)},
