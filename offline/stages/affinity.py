@@ -27,10 +27,10 @@ from shared.block_grid import BlockGrid
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair, Scalar
+from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, linked_sum, planes, product, solve
-from ..numerics.functions import unset, zeros
+from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import report
 from ..stage import Between, Count, Range, StageSettings
@@ -167,23 +167,7 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _NO_ENERGY = np.float32(1e-30)  # scene units squared
-_LEAST, _LEAST_EXPONENT = np.float32(1e-37), np.float32(-87)  # e^-87 is about the least normal float32
-# e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
-# two parts, the first short enough that n times it is exact.
-_PER_LN2, _LN2_HIGH, _LN2_LOW = np.float32(1.4426950408889634), np.float32(0.693359375), np.float32(-2.12194440e-4)
-_EXP1, _EXP2, _EXP3, _EXP4, _EXP5 = (np.float32(c) for c in (0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139))
-_ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
-
-
-@kernel
-def _exponential(x: Scalar) -> Scalar:
-    """e^x, relative error at most 1e-6, for x from `_LEAST_EXPONENT` to 87."""
-    power = max(x, _LEAST_EXPONENT) * _PER_LN2 + _ROUND
-    n = power - _ROUND
-    r = max(x, _LEAST_EXPONENT) - n * _LN2_HIGH - n * _LN2_LOW
-    value = _ONE + r * (_EXP1 + r * (_EXP2 + r * (_EXP3 + r * (_EXP4 + r * _EXP5))))
-    exponent = np.float32(power).view(np.int32) << np.int32(23)
-    return np.int32(np.float32(value).view(np.int32) + exponent).view(np.float32)
+_LEAST = np.float32(1e-37)
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
@@ -274,7 +258,7 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
             for row in range(period):
                 source, line = energy[axis, row], through[axis, BORDER + top + row]
                 for column in range(columns):
-                    line[column] = _exponential(source[column] * relative[column])
+                    line[column] = exponential(source[column] * relative[column])
     return through
 
 

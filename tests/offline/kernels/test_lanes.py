@@ -5,20 +5,19 @@ import pytest
 from numpy.typing import NDArray
 
 from offline.numerics import functions
-from offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, total, where_less
+from offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, where_less
 from shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 
-Values = NDArray[np.floating]
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
 MIRRORED = callable_kernel(functions.mirrored)
 
 
 @callable_kernel
-def calculate(a: Values, b: Values, scalar: float, out: Values) -> None:
+def calculate(a: FloatArray, b: FloatArray, scalar: float, out: FloatArray) -> None:
     x, y = load(a, 1), load(b, (0, 2))
-    s = a.dtype.type(scalar)
+    s = np.float32(scalar)
     store(out, (0, 0), x + y)
     store(out, (1, 0), x - y)
     store(out, (2, 0), x * y)
@@ -33,24 +32,21 @@ def calculate(a: Values, b: Values, scalar: float, out: Values) -> None:
     z += y
     z -= s
     store(out, (10, 0), z)
-    out[11, 0] = total(x)
 
 
-@pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_lanes_calculate_like_numpy(kind: type[np.floating]) -> None:
-    random, lanes = np.random.default_rng(1), BYTES // np.dtype(kind).itemsize
-    a, b = random.normal(size=lanes + 1).astype(kind), random.normal(size=(1, lanes + 2)).astype(kind)
-    out = np.zeros((12, lanes), kind)
+def test_lanes_calculate_like_numpy() -> None:
+    random = np.random.default_rng(1)
+    a, b = random.normal(size=WIDTH + 1).astype(np.float32), random.normal(size=(1, WIDTH + 2)).astype(np.float32)
+    out = np.zeros((11, WIDTH), np.float32)
     calculate(a, b, 0.25, out)
-    x, y, s = a[1:], b[0, 2:], kind(0.25)
+    x, y, s = a[1:], b[0, 2:], np.float32(0.25)
     expected = [
         *(x + y, x - y, x * y, s - x, x * s + s, np.minimum(x, y), np.maximum(x, s)),
         *(np.where(x < y, s, y), s / x, np.abs(x), x + y - s),
     ]
-    rounding = 2 * float(np.finfo(kind).eps)
-    for found, right in zip(out, expected, strict=False):
+    rounding = 2 * float(np.finfo(np.float32).eps)
+    for found, right in zip(out, expected, strict=True):
         np.testing.assert_allclose(found, right, rtol=rounding, atol=rounding)
-    assert out[11, 0] == pytest.approx(x.sum(), rel=8 * rounding, abs=8 * rounding)
 
 
 @callable_kernel
@@ -71,8 +67,8 @@ def test_reciprocal_root() -> None:
 
 @callable_kernel
 def exponential_of(values: FloatArray, out: FloatArray) -> None:
-    for place in range(0, len(values), WIDTH):
-        store(out, place, functions.exponential(load(values, place)))
+    for place in range(len(values)):
+        out[place] = functions.exponential(values[place])
 
 
 def test_exponential() -> None:
