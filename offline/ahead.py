@@ -1,4 +1,4 @@
-"""Which kernels a render needs, so that a program can compile them before the first one, side by side in several processes.
+"""Kernels that a render needs, so that a program can compile them before the first one, side by side in several processes.
 
 Kernels that are not compiled ahead are compiled when they are first called. Nothing in `offline` starts processes.
 """

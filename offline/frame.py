@@ -200,7 +200,7 @@ def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: Noise
 
 
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
-    """How far luminance at a site is from the mean of the pixels one block's size to either side; the larger of both axes.
+    """Distance of luminance at a site from the mean of the pixels one block's size to either side; the larger of both axes.
 
     The error of filled luminance grows with it. A block that is a whole tile counts as `_WIDEST` pixels wide at most.
     site: slices of the rows and columns of `luminance`.

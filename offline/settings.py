@@ -6,7 +6,7 @@ from typing import Any
 from .stage import Switch
 from .stages.affinity import AffinitySettings
 from .stages.chromaticity import ChromaticitySettings
-from .stages.colour_lines import LineSettings
+from .stages.colour_lines import LinesSettings
 from .stages.correction import SettlingSettings
 from .stages.defects import DefectsSettings
 from .stages.denoising import DenoisingSettings
@@ -42,7 +42,7 @@ class RenderSettings:
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
-    lines: LineSettings = LineSettings()
+    lines: LinesSettings = LinesSettings()
     settling: SettlingSettings = SettlingSettings()
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()

@@ -1,4 +1,4 @@
-"""What settings of a stage are: values with ranges, and the kernels that the stage calls."""
+"""Settings of a stage: values with ranges, and the kernels that the stage calls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields

@@ -407,7 +407,7 @@ def _spread(samples: DoubleArray, kinds: ByteArray) -> DoubleArray:
 
 
 def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
-    """Whether energies of tiles are certainly larger than others, by enough for a difference of filters."""
+    """Tell whether energies of tiles are certainly larger than others, by enough for a difference of filters."""
     # Of each tile at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
     return bool(ours.mean() > _UNLIKE * others.mean() and votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5)

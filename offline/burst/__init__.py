@@ -61,7 +61,7 @@ class MergedBurst:
 
     @property
     def lost(self) -> ByteArray | None:
-        """Where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None = nowhere."""
+        """Pixels where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None = nowhere."""
         return self.measured.lost
 
 

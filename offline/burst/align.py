@@ -1,4 +1,4 @@
-"""Where a frame of a hand-held series lies against the reference: found from both, and applied to points and planes.
+"""Motion of a frame of a hand-held series against the reference: found from both, and applied to points and planes.
 
 Coarse to fine: phase correlation finds the shift of small copies of both planes (Kuglin and Hines 1975). On each larger copy, every
 tile then says how far its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The

@@ -76,7 +76,7 @@ def merged_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Fl
 
 
 def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
-    """How far no panchromatic sample of a frame that agrees covers each pixel, 0 to 1, (H, W)."""
+    """Degree, 0 to 1, to which no panchromatic sample of a frame that agrees covers each pixel, (H, W)."""
     mask = sites.pattern.panchromatic_mask(sites.grid.frame).astype(np.float32)
     total = np.zeros_like(mask)
     for one in kept:
@@ -160,7 +160,7 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
 
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
-    """How far light interpolated at a place of a frame is measured there, 0 to 1."""
+    """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
     y, x = min(max(y, 0.0), panchromatic.shape[0] - 1.001), min(max(x, 0.0), panchromatic.shape[1] - 1.001)
     top, left = int(y), int(x)
     down, across = y - top, x - left

@@ -1,4 +1,4 @@
-"""How one frame of a hand-held series lies against another: a shift, a rotation, and local shifts (parallax)."""
+"""Motion of one frame of a hand-held series against another: a shift, a rotation, and local shifts (parallax)."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -11,7 +11,7 @@ from shared.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Where the points of the reference lie in another frame of the same size.
+    """Place of the points of the reference in another frame of the same size.
 
     The point (centre + (v, u)), v down and u across, of the reference lies in the other frame at
 
@@ -46,7 +46,7 @@ class Motion:
 
     @property
     def none(self) -> bool:
-        """Whether nothing has moved."""
+        """True if nothing has moved."""
         return self.shift == (0, 0) and self.angle == 0 and self.local is None
 
     def times(self, factor: float) -> "Motion":

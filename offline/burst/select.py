@@ -64,7 +64,7 @@ class Judged:
 
     @property
     def used(self) -> bool:
-        """Whether it is part of the picture."""
+        """True if the frame is part of the picture."""
         return not self.reason
 
 
@@ -252,7 +252,7 @@ def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
 
 
 def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
-    """How far the light of a quarter of the tiles differs from what the exposure explains, a share of it."""
+    """Difference of the light of a quarter of the tiles from what the exposure explains, a share of it."""
     share, own, other = (_tile_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance))
     lit = (share > 0.5) & (own > _LIT * _floor(reference) * share) & (other > 0)
     if not lit.any():

@@ -1,4 +1,4 @@
-"""What several kernels call: exp and 1/sqrt that are fast, mirrored indices, aligned arrays."""
+"""Functions that several kernels call: exp and 1/sqrt that are fast, mirrored indices, aligned arrays."""
 
 import numpy as np
 

@@ -21,7 +21,7 @@ WIDTH = BYTES // 4
 """Number of lanes."""
 
 Lanes: TypeAlias = Any
-"""What kernels calculate with; lanes exist inside kernels only."""
+"""Sixteen numbers that kernels calculate with as one; lanes exist inside kernels only."""
 
 _INTEGER = ir.IntType(32)
 _FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), WIDTH), ir.VectorType(_INTEGER, WIDTH)
@@ -47,7 +47,7 @@ _LANES = LanesType()
 
 
 def _fits(*arguments: Any) -> bool:
-    """Whether these are lanes, or lanes and float32."""
+    """Tell whether these are lanes, or lanes and float32."""
     return _LANES in arguments and {*arguments} <= {_LANES, types.float32}
 
 
@@ -60,7 +60,7 @@ def _repeated(builder: Any, value: Any, kind: Any) -> Any:
 
 
 def _elementwise(generate: Callable[..., Any], *arguments: Any) -> Any:
-    """What `intrinsic` needs for an operation on lanes and float32: its signature, and its code."""
+    """Return what `intrinsic` needs for an operation on lanes and float32: its signature, and its code."""
     if not _fits(*arguments):
         return None
 

@@ -31,7 +31,7 @@ def tiles_of(rows: tuple[int, int], width: int) -> int:
 
 @kernel
 def link(light: Floats2, prior: Prior, links: Floats3) -> None:
-    """How much each pixel is to be like those to the right, below, below right and below left; little across edges.
+    """Write how much each pixel is to be like those to the right, below, below right and below left; little across edges.
 
     links: (4, H, W), zeros at first.
     """

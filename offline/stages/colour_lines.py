@@ -50,7 +50,7 @@ from ..stage import Switch
 
 
 @dataclass(frozen=True)
-class LineSettings(Switch):
+class LinesSettings(Switch):
     """Colour as a linear function of luminance, where that explains the samples; not in the paper."""
 
     kernels = ("smooth",)

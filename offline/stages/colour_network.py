@@ -306,7 +306,7 @@ class Cells:
 
 
 class Residuals:
-    """What the blocks in a part of a picture miss, by cells. gamma: (C,), float32."""
+    """Residuals of the blocks in a part of a picture, by cells. gamma: (C,), float32."""
 
     def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
         rows = samples.within(part)

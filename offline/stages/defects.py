@@ -161,7 +161,7 @@ class _Strip:
         return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
 
     def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
-        """Whether each of N panchromatic samples is an outlier by the definition above."""
+        """Tell for each of N panchromatic samples whether the sample is an outlier by the definition above."""
         value, floor = self.luminance[row, column], np.float32(self.settings.floor * self.frame.level)
         near, wide = (_sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured)) for reach in (1, 2))
         low, high, count = near[:, 0], np.fmax.reduce(near, axis=1), np.count_nonzero(~np.isnan(near), axis=1)

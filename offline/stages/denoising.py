@@ -125,7 +125,7 @@ class Shrinkage(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a worker computes with.
+    """Memory that a worker computes with.
 
     samples, pilot: planes of a window: what is transformed, and the result of the first pass.
     sums, weights: weighted sums of the blocks at each pixel of the window, and of their weights.
@@ -187,7 +187,7 @@ def denoise(pieces: Pieces, noisy: Floats2, uncertain: Bools2, rows: Pair, shrin
 
 @kernel
 def _place(column: int, half: int) -> int:
-    """Where a column of a window lies in a row of memory, of which the first half has the even columns."""
+    """Return the place of a column of a window in a row of memory, of which the first half has the even columns."""
     return column % _STEP * half + column // _STEP
 
 

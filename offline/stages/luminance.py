@@ -197,7 +197,7 @@ def _fill_isolated(
 
 
 def _response(extent: Pair, holes: IndexArray) -> FloatArray:
-    """What a sample of 1 in each hole of a block adds to the high-pass coefficients that see it; see `Blocks`."""
+    """Return what a sample of 1 in each hole of a block adds to the high-pass coefficients that see it; see `Blocks`."""
     chunks = -(-len(holes) // CHUNK)
     response = np.zeros((3, extent[0] + 3, extent[1] + 3, chunks * CHUNK), np.float32)
     for hole, (row, column) in enumerate(holes):

@@ -21,7 +21,7 @@ from ..stage import StageSettings
 
 @dataclass(frozen=True)
 class NoiseSettings(StageSettings):
-    """Where the noise model comes from.
+    """Source of the noise model.
 
     estimate: estimate it from the mosaic where the calibration has none. Otherwise unknown noise is treated as none (the paper).
     """

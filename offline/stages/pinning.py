@@ -69,7 +69,7 @@ class Pinning(RowStage):
 
     @property
     def look(self) -> Look:
-        """What a pixel depends on: its neighbours, and the tiles around those."""
+        """Dependence of a pixel: its neighbours, and the tiles around those."""
         period = self.measured.pattern.period
         return Look(HALO + site_reach(period) + _TAPS * period, TILE)
 
@@ -146,7 +146,7 @@ TOLERANCE = 1e-4
 
 
 class SiteRatios(NamedTuple):
-    """What sites measured, (rows, W).
+    """Samples of the sites, (rows, W).
 
     channels: the channel of each colour site; C elsewhere.
     ratios: chromaticity of that channel.

@@ -162,7 +162,7 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
 
 
 def _variance(sums: FloatArray) -> FloatArray:
-    """What noise leaves in chromaticities, the mean of the channels, from sums of blocks, (2 C, rows, columns)."""
+    """Variance that noise leaves in chromaticities, the mean of the channels, from sums of blocks, (2 C, rows, columns)."""
     return 1 / sums[: len(sums) // 2].mean(axis=0).clip(_LEAST_PRECISION)
 
 

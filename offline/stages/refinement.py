@@ -114,7 +114,7 @@ _LEAST = np.finfo(np.float32).tiny
 
 
 class Places(NamedTuple):
-    """Where each row and column of a result lies, and those that it depends on.
+    """Places of the rows and columns of a result, and those that it depends on.
 
     Those are radius * (repetitions + 1) + half the taps of the blur more at both ends.
     rows: in the frame. initial_rows: in the chromaticities that are given. columns: in both.

@@ -10,7 +10,7 @@ from offline import BEST, render
 from offline.measured import ColourLines
 from offline.parts import Part
 from offline.stages.chromaticity import block_sums
-from offline.stages.colour_lines import _REACH, LineSettings, OnLines, colour_lines
+from offline.stages.colour_lines import _REACH, LinesSettings, OnLines, colour_lines
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, gamma_of, sampled, shot
@@ -175,7 +175,7 @@ def test_many_sites_of_a_channel_keep_the_colours_of_a_scene() -> None:
     light, *colours = (plane / plane.std() for plane in drawn)
     scene = 0.3 * np.exp(light / 2)[..., None] * (1 + 0.15 * np.stack(colours, axis=2)).clip(0.1)
     mosaic = observe(scene, CfaPattern.of_letters("kaizu"))
-    errors = [((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean() for lines in (BEST.lines, LineSettings())]
+    errors = [((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean() for lines in (BEST.lines, LinesSettings())]
     assert errors[0] < 1.1 * errors[1]  # 2.6 times where all errors count alike
 
 

@@ -1,10 +1,11 @@
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError, fields, replace
 from math import inf, nan
 from typing import Any
 
 import pytest
 
 from offline.settings import PAPER
+from offline.stage import Switch
 from shared.errors import InputError
 
 IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
@@ -41,3 +42,9 @@ def test_settings_are_frozen_values() -> None:
     assert replace(PAPER) == PAPER
     with pytest.raises(FrozenInstanceError):
         PAPER.luminance.iterations = 1  # type: ignore[misc]
+
+
+def test_a_refusal_names_the_part_as_the_settings_do() -> None:
+    """The name of a part in a refusal comes from its class."""
+    parts = {field.name: type(getattr(PAPER, field.name)) for field in fields(PAPER)}
+    assert all(kind is Switch or kind.__name__ == f"{name.capitalize()}Settings" for name, kind in parts.items())

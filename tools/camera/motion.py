@@ -28,7 +28,7 @@ class Motion(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Whether nothing has moved."""
+        """True if nothing has moved."""
         return self == Motion()
 
     def times(self, factor: float) -> "Motion":

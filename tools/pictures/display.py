@@ -111,7 +111,7 @@ class ColourTransform:
         return result
 
     def saturated(self, rgb: FloatArray) -> ByteArray | None:
-        """How far each pixel is saturated, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or highlights are restored.
+        """Saturation of each pixel, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or highlights are restored.
 
         rgb: (H, W, C), scene units.
         """
@@ -160,7 +160,7 @@ class ColourTransform:
                 yield rows, output, encode_srgb(plane) if encoded and not self.space.linear else plane
 
     def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
-        """How far each pixel of (C, rows, W), scene units, is not what the light was, 0 to 1; None: it is, or is white anyway.
+        """Degree to which pixels of (C, rows, W), scene units, are not what the light was, 0 to 1; None: they are, or white anyway.
 
         darker: factor by which the picture is darkened, at most 1.
         """

@@ -190,7 +190,7 @@ class _Attempt:
         return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
 
     def _existing(self, source_digest: str | None) -> _Existing:
-        """What exists under the name of the output. Raises OutputError for a file that must stay."""
+        """Look up what exists under the name of the output. Raises OutputError for a file that must stay."""
         order, output = self.order, self.job.output
         if not output.exists():
             return _Existing(replace=order.overwrite)
