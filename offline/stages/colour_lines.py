@@ -117,10 +117,11 @@ def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, sett
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
     whole = _Blocks(light, samples, estimated * gamma * mean, mean, strokes, noise, weight)
     result = ColourLines(np.empty_like(samples), np.empty_like(samples), np.empty_like(mean))
+    most = whole.precision.max(initial=_TINY)
     for rows in strips(len(mean), _STRIP):  # for memory
         top = max(rows.start - _REACH, 0)
         near = _Blocks(*(plane[..., top : rows.stop + _REACH, :] for plane in whole))
-        lines = _fitted(near, dark)
+        lines = _fitted(near, dark, most)
         lines = _inked(replace(lines, share=_confidence(lines, near, dark)), near)
         for name, plane in vars(result).items():
             plane[..., rows, :] = getattr(lines, name)[..., rows.start - top : rows.stop - top, :]
@@ -151,9 +152,12 @@ def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatA
     return (deviation / np.float32(len(gamma))) ** 2 + np.maximum(beyond, 0) ** 2, variance
 
 
-def _fitted(near: _Blocks, dark: np.float32) -> ColourLines:
-    """Return lines by weighted least squares, believed for now. dark: luminance without a colour."""
-    count, weight = len(near.light), near.precision * dark**2  # in this unit its square is a float, in black frames too
+def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
+    """Return lines by weighted least squares, believed for now.
+
+    dark: luminance without a colour. most: the largest precision of the frame, the unit of weights, whose squares are floats then.
+    """
+    count, weight = len(near.light), near.precision / most
     total, noise = smoothed(np.stack([weight, weight * (near.noise + near.surface)]), _WIDTH)
     noise /= total
     levels, means = (np.stack([smoothed(weight * plane, _WIDTH) / total for plane in planes]) for planes in near[:2])
@@ -170,7 +174,8 @@ def _fitted(near: _Blocks, dark: np.float32) -> ColourLines:
         rest = np.maximum(power - level_y**2 - slope[channel] * together, 0)
         error += (rest + (np.float32(EVEN) * level) ** 2) / spread
     # Number of blocks that a line rests on: the square of the weights' sum over the sum of their squares.
-    number = np.float32(4 * np.pi * _WIDTH**2) * total**2 / smoothed(weight**2, _WIDTH / 2**0.5)
+    squares = np.maximum(smoothed(weight**2, _WIDTH / 2**0.5), np.float32(_TINY**1.5))
+    number = np.maximum(np.float32(4 * np.pi * _WIDTH**2) * total**2 / squares, 1)
     sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPES))
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)

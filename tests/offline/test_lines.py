@@ -117,14 +117,6 @@ def test_several_colours_of_one_luminance_are_no_line() -> None:
     assert lines_of(colours, observe(colours, BAYER)).share.max() < 0.1
 
 
-def test_a_small_white_lamp_in_green_light_is_white() -> None:
-    """The line of what is around tells that brighter is greener."""
-    scene = printed((144, 144), np.array([0.02, 0.03, 0.02]), np.array([0.06, 0.16, 0.08]))
-    scene[69:75, 69:75] = 1.0
-    rgb = render(observe(scene, CfaPattern.bayer(6)), BEST).rgb
-    assert np.abs(rgb[69:75, 69:75] - 1).max() < 0.3  # 0.1
-
-
 def test_what_is_clipped_is_on_no_line() -> None:
     scene = printed((90, 90), BLACK, WHITE)
     scene[:, 60:] = 2.0
