@@ -1,6 +1,7 @@
 """`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
 
 import errno
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -9,8 +10,9 @@ from typing import NoReturn
 
 import pytest
 
-from offline import compile_kernel, kernel_cache
+from offline import compile_kernel
 from offline.ahead import used_kernels
+from offline.numerics.compile import _folder_of, kernels
 from tests.python import run_python
 from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
@@ -99,11 +101,16 @@ def test_a_folder_that_cannot_be_synced_is_said_and_not_wrong(unsynced_folders: 
 
 def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) -> None:
     elsewhere = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    missing = ("mix", "surroundings")
+    missing = ("mix", "smooth")
     for name in set(used_kernels()) - set(missing):
         compile_kernel(name)
-    line = "import os, sys; os.environ['NUMBA_CACHE_DIR'] = sys.argv[1]; import offline; print(offline.kernel_cache())"
-    shutil.copytree(kernel_cache(), run_python(line, tmp_path).strip(), dirs_exist_ok=True)
+    line = (
+        "import json, os, sys; os.environ['NUMBA_CACHE_DIR'] = sys.argv[1]\n"
+        "from offline.ahead import used_kernels; from offline.numerics.compile import _folder_of, kernels\n"
+        "used_kernels(); print(json.dumps({name: str(_folder_of(each._function)) for name, each in kernels.items()}))"
+    )
+    for name, folder in json.loads(run_python(line, tmp_path)).items():  # each package has a folder of its own
+        shutil.copytree(_folder_of(kernels[name]._function), folder, dirs_exist_ok=True)
     for path in tmp_path.rglob("*.nb?"):
         if path.name.split(".")[1].partition("-")[0] in missing:
             path.unlink()
