@@ -17,7 +17,7 @@ from shared.errors import InputError
 from tests.data import ROOT
 from tests.offline.stage_tests import RowStageTests
 from tests.scenes import leaves
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 SCATTERED = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 
