@@ -18,26 +18,27 @@ from tools.io.ahead import promised
 from tools.io.backup import keep_old
 from tools.io.development import Development, write_picture
 
-from .checks import check_memory, needed_memory
+from .checks import check_memory
 from .compilation import announced_compilation, compile_ahead, load_compiled
 from .journal import Entry, Journal, digest, key, output_lock
-from .order import Order, Share, Subject
+from .order import Order, Subject
 
 if TYPE_CHECKING:
     from offline import SolverLog
 
 
-def attempt(order: Order, share: Share, job: Job, listener: StageProgress) -> Outcome:
+def attempt(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
     """Make a picture, or find that it is there already.
 
     order: settings of the run.
-    share: what it may use of the machine.
+    memory: bytes that may be used.
+    processes: how many may be started to compile the renderer; 1 = none, in a process that was started itself.
     job: the shot or burst, and where its picture goes.
     listener: takes stages, and remarks for the user.
 
     Raises InputError, ForeignFileError or OutputError if there can be no picture.
     """
-    return _Attempt(order, share, job, listener).outcome()
+    return _Attempt(order, memory, processes, job, listener).outcome()
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class _Attempt:
     """See `attempt`."""
 
     order: Order
-    share: Share
+    memory: int
+    processes: int
     job: Job
     listener: StageProgress
 
@@ -76,8 +78,8 @@ class _Attempt:
             if order.dry_run:
                 return self._planned()
             output.parent.mkdir(parents=True, exist_ok=True)
-            with output_lock(output, wait=self.share.last) as free:
-                return self._made() if free else Outcome(state="postponed")
+            with output_lock(output):
+                return self._made()
         except FileExistsError:
             raise OutputError(f"{output}: {output.parent} is not a folder; remove it, or use another output folder") from None
         except OSError as error:
@@ -100,10 +102,8 @@ class _Attempt:
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
                 raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
-            if not self.share.last and needed_memory(subject.mosaic, order.kind, order.settings, subject.count) > self.share.memory:
-                return Outcome(state="postponed")
-            check_memory(subject.mosaic, order.kind, order.settings, self.share.memory, subject.count)
-            compile_ahead([order.settings], self.share.processes, self.listener)  # now that only the writing can fail
+            check_memory(subject.mosaic, order.kind, order.settings, self.memory, subject.count)
+            compile_ahead([order.settings], self.processes, self.listener)  # now that only the writing can fail
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
@@ -111,7 +111,7 @@ class _Attempt:
         return self._told(subject, development, pattern, log, time.monotonic() - start)
 
     def _open(self) -> Subject:
-        return self.order.open(self.job, self.share.memory, self.listener.note)
+        return self.order.open(self.job, self.memory, self.listener.note)
 
     def _read(self) -> Subject:
         """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""

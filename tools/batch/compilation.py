@@ -9,7 +9,7 @@ from typing import Any
 
 from shared.processors import available_threads, use_threads
 from tools.batch.memory import available_memory
-from tools.batch.processes import Processes
+from tools.batch.parallel import processes as worker_processes
 from tools.batch.progress import Note, StageProgress
 
 _BETWEEN_NOTES = 10.0  # seconds
@@ -94,7 +94,8 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
     names: those that take longest first.
     """
     possible = min(processes, available_memory() // _PROCESS_BYTES)
-    yield from Processes(max(1, possible), note, _REMEDY)(_compile, names)
+    with worker_processes(max(1, possible), _REMEDY) as executor:
+        yield from executor.run(_compile, names, note)
 
 
 def _compile(name: str, listener: StageProgress) -> None:
