@@ -1,17 +1,14 @@
 """`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
 
 import os
-from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from shared import read_dng
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
 from tools.batch.journal import NAME
-from tools.batch.run import shard_of
 
 
 @pytest.fixture
@@ -174,17 +171,3 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path,
     monkeypatch.setattr("tools.batch.order.read_dng", late)
     assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
-
-
-def test_shards_make_everything_once(shots: Path, out: Path) -> None:
-    for seed in range(6):
-        save_shot(shots / f"more{seed}.dng", seed)
-    made = [record["output"] for part in "123" for record in render(shots, out, "--shard", f"{part}/3").records]
-    assert len(made) == len(set(made)) == 9
-    assert np.all([Path(path).exists() for path in made])
-
-
-def test_shards_are_alike_in_size() -> None:
-    sizes = Counter(shard_of(f"sub/IMG_{number:04}.tif", 7) for number in range(1000))
-    assert set(sizes) == set(range(1, 8))
-    assert all(100 < size < 190 for size in sizes.values())  # 143 on average, with a standard deviation of 11
