@@ -124,34 +124,17 @@ def test_the_stream_shows_each_picture(shown: Served) -> None:
         show(shown.finder, number + 1)
 
 
-class Restless:
-    """A lock after whose release some threads pause, so that others may overtake them."""
-
+def test_frames_are_shown_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    finder, shown, refused = Viewfinder(lambda: 0), list[int](), list[InputError]()
     pauses = cycle((0.01, 0.0, 0.0))
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
+    def show(picture: ByteArray, mosaic: Mosaic, *_: object, **__: object) -> None:
+        time.sleep(next(pauses))
+        shown.append(int(mosaic.codes[0, 0]))
 
-    def __enter__(self) -> None:
-        self._lock.acquire()
-
-    def __exit__(self, *_: object) -> None:
-        self._lock.release()
-        time.sleep(next(self.pauses))
-
-
-def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    finder, seen, shown, refused = Viewfinder(lambda: 0), list[int](), list[int](), list[InputError]()
-    first = [int(codes(number)[0, 0]) for number in range(20)]
-
-    def preview(mosaic: Mosaic) -> ByteArray:
-        seen.append(int(mosaic.codes[0, 0]))
-        return grey(mosaic)
-
-    monkeypatch.setattr(viewfinder, "Lock", Restless)
-    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived, **_: shown.append(int(mosaic.codes[0, 0])))
-    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, preview, finder, refused.append)
-    assert shown == seen == first
+    monkeypatch.setattr(finder, "show", show)
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, grey, finder, refused.append)
+    assert shown == [int(codes(number)[0, 0]) for number in range(20)]
     assert refused == []
 
 
