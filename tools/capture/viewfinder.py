@@ -223,9 +223,7 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
                 continue
             if shown is not None:
                 shown.result()
-            shown = pool.submit(
-                finder.show, picture, mosaic, frame.taken, frame.arrived, is_checked=frame.is_checked
-            )
+            shown = pool.submit(finder.show, picture, mosaic, frame.taken, frame.arrived, is_checked=frame.is_checked)
         if shown is not None:
             shown.result()
 

@@ -7,8 +7,8 @@ around each block the network foretells what its sites are off by. The same comm
 import argparse
 import sys
 from collections.abc import Callable
-from functools import partial
-from itertools import pairwise
+from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise, repeat
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -134,18 +134,14 @@ def main() -> int:
     files = sorted(photographs(arguments.folders))
     sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
-    with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:
+    with console.progress("luminance") as progress, ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         progress.stage("examples", len(sources))
         parts = []
-        for part in pool.imap(partial(_examples, arguments.sites), enumerate(sources)):
+        for part in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):
             parts.append(part)
             progress.advance()
     save(learn(parts, sources, arguments.steps, console.say), arguments.output)
     return 0
-
-
-def _examples(sites: int, task: tuple[int, str]) -> Example:
-    return examples(task[1], task[0], sites)
 
 
 if __name__ == "__main__":
