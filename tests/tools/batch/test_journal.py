@@ -1,7 +1,7 @@
 """The journal: what was written is read, by others too, a cut-off line costs nothing but itself; and what its keys depend on."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -54,17 +54,6 @@ def test_lines_of_others_are_not_believed(tmp_path: Path, line: bytes) -> None:
     journal = Journal(tmp_path)
     journal.append(entry())
     assert journal.of("a.tif") == [entry()]
-
-
-def test_another_journal_in_its_place_is_read_anew(tmp_path: Path) -> None:
-    journal = Journal(tmp_path)
-    journal.append(entry())
-    journal.append(entry())
-    assert len(journal.of("a.tif")) == 2
-    (tmp_path / NAME).unlink()
-    assert journal.of("a.tif") == []
-    Journal(tmp_path).append(entry("b.tif"))
-    assert (journal.of("a.tif"), journal.of("b.tif")) == ([], [entry("b.tif")])
 
 
 @pytest.mark.parametrize("kind", ["symbolic", "hard"])
@@ -196,15 +185,3 @@ def test_every_setting_of_the_render_changes_the_key(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("offline.version.ALGORITHM", -1)
     keys.add(key_of(Order(**WHOLE)))
     assert len(keys) == len(settings) + 2
-
-
-def test_the_walk_leaves_no_part_unchanged() -> None:
-    """The example has everything that an order can have: what is None or empty in it would be changed as a whole only."""
-
-    def parts(whole: Any) -> list[Any]:
-        values = [getattr(whole, each.name) for each in fields(whole)]
-        return [whole, *(part for value in values if is_dataclass(value) for part in parts(value))]
-
-    for part in parts(ORDERS[1]):
-        without = {each.name for each in fields(part) if getattr(part, each.name) is None}
-        assert without <= {"lights"}  # of which the matrix that stands here follows

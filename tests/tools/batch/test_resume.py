@@ -69,14 +69,6 @@ def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots
     assert results(out) == {"a.tif", "b.tif", "sub"}  # the old a.tif was ours to the byte: no copy of it
 
 
-def test_a_link_to_the_picture_is_no_copy_of_it(shots: Path, out: Path) -> None:
-    render(shots, out)
-    (out / "a.tif").write_bytes(b"retouched")
-    (out / "a.tif.bak").symlink_to("a.tif")
-    assert "it is kept as a.tif.bak2" in render(shots, out, "--resume").err
-    assert (out / "a.tif.bak2").read_bytes() == b"retouched"
-
-
 @pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
 def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(shots: Path, out: Path, damage: str) -> None:
     render(shots, out)
