@@ -14,12 +14,11 @@ from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
 from tools.batch.jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from tools.batch.progress import StageProgress
-from tools.io.ahead import promised
 from tools.io.backup import keep_old
 from tools.io.development import Development, write_picture
 
 from .checks import check_memory
-from .compilation import announced_compilation, compile_ahead, load_compiled
+from .compilation import announced_compilation, compile_ahead
 from .journal import Entry, Journal, digest, key, output_lock
 from .order import Order, Subject
 
@@ -98,7 +97,8 @@ class _Attempt:
         existing = self._existing(source_digest)
         if existing.current:
             return self._current(existing.current)
-        subject = self._read()
+        self.listener.stage("reading", 1)
+        subject = self._open()
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
                 raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
@@ -112,14 +112,6 @@ class _Attempt:
 
     def _open(self) -> Subject:
         return self.order.open(self.job, self.memory, self.listener.note)
-
-    def _read(self) -> Subject:
-        """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
-        self.listener.stage("reading", 1)
-        subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
-        with announced_compilation(self.listener):
-            load_compiled(self.order.settings)
-        return subject.result()
 
     def _note_what_is_assumed(self, subject: Subject) -> None:
         source, mosaic, order = self.job.source, subject.mosaic, self.order
