@@ -37,6 +37,8 @@ class Entry:
     key: digest of everything that it depends on, see `key`.
     run: name of the run that made it.
     source: absolute path of the shot.
+    input: digest of what it was made from; "" in the journals of earlier versions, as `stamp`.
+    stamp: sizes and times of the files that it was made from, and of the file itself.
     """
 
     output: str
@@ -44,6 +46,8 @@ class Entry:
     key: str
     run: str
     source: str
+    input: str = ""
+    stamp: str = ""
 
 
 class Journal:

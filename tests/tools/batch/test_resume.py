@@ -1,5 +1,6 @@
 """`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
 
+import json
 import os
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from shared import read_dng
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
+from tools.batch import attempt
 from tools.batch.journal import NAME
 
 
@@ -163,3 +165,14 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path,
     monkeypatch.setattr("tools.batch.order.read_dng", late)
     assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
+
+
+def test_what_has_its_size_and_time_is_not_read(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    render(shots, out)
+    with monkeypatch.context() as patched:
+        patched.setattr(attempt, "digest", lambda _: pytest.fail("a file was read"))
+        assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
+    lines = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
+    older = [{name: value for name, value in line.items() if name not in ("input", "stamp")} for line in lines]
+    (out / NAME).write_text("".join(f"{json.dumps(line)}\n" for line in older))  # of a journal of earlier versions
+    assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
