@@ -24,7 +24,7 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
-_REMEDY = "run again with fewer `workers` or a smaller `max_memory`; what was finished is kept"
+_REMEDY = "run again with fewer processes or a smaller `max_memory`; what was finished is kept"
 
 
 def needed_memory(pixels: int) -> int:

@@ -15,7 +15,6 @@ from shared import read_dng
 from shared.errors import InputError, PanchromaError
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import contents, ended, results, run, start
-from tools.batch import parallel
 from tools.batch.checks import needed_memory
 from tools.batch.console import Console, WorkerFault, fault
 from tools.batch.journal import NAME
@@ -114,7 +113,7 @@ def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
         "1 s", "40 s", "12 min", "3 h 20 min",
     ]  # fmt: skip
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
-    monkeypatch.setattr(parallel.time, "monotonic", lambda: next(times))
+    monkeypatch.setattr("tools.batch.parallel.time.monotonic", lambda: next(times))
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
     results = one_by_one(lambda item, _: -item, [4, 5, 1], lambda _: StageProgress())
     assert dict(follow(results, [4, 5, 1], StageProgress(), length=float)) == {4: -4, 5: -5, 1: -1}
