@@ -1,5 +1,6 @@
 """A dask scheduler and its workers, all on this machine."""
 
+import json
 import os
 import subprocess
 import sys
@@ -12,16 +13,16 @@ from tests.data import ROOT
 
 
 @contextmanager
-def cluster(folder: Path, count: int) -> "Iterator[tuple[Path, list[subprocess.Popen[bytes]]]]":
-    """The scheduler's file and `count` workers, which end with the block."""
+def cluster(folder: Path, count: int) -> "Iterator[tuple[str, list[subprocess.Popen[bytes]]]]":
+    """The scheduler's address and `count` workers, which end with the block."""
     with ExitStack() as stack:
-        file, _ = stack.enter_context(scheduler(folder))
-        yield file, [stack.enter_context(worker(file, str(number))) for number in range(count)]
+        address, _ = stack.enter_context(scheduler(folder))
+        yield address, [stack.enter_context(worker(folder, address, str(number))) for number in range(count)]
 
 
 @contextmanager
-def scheduler(folder: Path) -> "Iterator[tuple[Path, subprocess.Popen[bytes]]]":
-    """A scheduler, which ends with the block, and the file that it has written to `folder`."""
+def scheduler(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[bytes]]]":
+    """A scheduler's address, and the scheduler, which ends with the block. folder: for its file."""
     file = folder / "scheduler.json"
     file.unlink(missing_ok=True)
     options = ("--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file)
@@ -29,19 +30,20 @@ def scheduler(folder: Path) -> "Iterator[tuple[Path, subprocess.Popen[bytes]]]":
         deadline = time.monotonic() + 60
         while not file.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        yield file, running
+        yield json.loads(file.read_text())["address"], running
 
 
 @contextmanager
-def worker(file: Path, name: str, source: Path = ROOT) -> "Iterator[subprocess.Popen[bytes]]":
-    """A worker of the scheduler that has written `file`; it ends with the block.
+def worker(folder: Path, address: str, name: str, source: Path = ROOT) -> "Iterator[subprocess.Popen[bytes]]":
+    """A worker of the scheduler at `address`; it ends with the block.
 
     It has one process and one thread, and is not started again when it dies: it has none of dask's nanny processes (`--no-nanny`).
 
+    folder: for its files.
     source: the folder with the packages that it imports.
     """
-    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", file.with_name("dask"), "--name", name)
-    with _process("dask_worker", "--scheduler-file", file, *options, source=source) as running:
+    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", folder / "dask", "--name", name)
+    with _process("dask_worker", address, *options, source=source) as running:
         yield running
 
 

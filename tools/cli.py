@@ -46,6 +46,8 @@ GONE = {
     "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
     "--edges": "a sparse-colour sensor hardly sees lateral chromatic aberration",
     "--no-chart": "gamma is measured from a chart",
+    "--shard": "start panchroma render --resume several times: commands share a folder, and each picture is made once",
+    "--scheduler-file": "give --scheduler the address in this file, tcp://HOST:PORT",
 }
 """Verbs and options of earlier versions -> what to use instead, or why they are not needed."""
 

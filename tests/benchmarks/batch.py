@@ -99,10 +99,10 @@ def on_cluster(top: Path) -> None:
     """Measure workers of a dask scheduler."""
 
     def by(count: int, out: Path) -> tuple[float, float]:
-        with cluster(out, count) as (file, _):
+        with cluster(out, count) as (address, _):
             target = fresh(out, "pictures")
-            _warm(top, target, "--scheduler-file", file, count=count)
-            return seconds(top / "large", "-o", target, "--scheduler-file", file, "-j", "1")
+            _warm(top, target, "--scheduler", address, count=count)
+            return seconds(top / "large", "-o", target, "--scheduler", address, "-j", "1")
 
     _throughput(top, "dask workers", by)
 

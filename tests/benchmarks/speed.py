@@ -32,7 +32,7 @@ from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
 from tests.benchmarks.harness import Frame, Work, alternate, options
-from tools.batch.worker import THREAD_VARIABLES
+from tools.batch.parallel import THREAD_VARIABLES
 from tools.io.versions import package_version, program_version
 
 _PRESETS = "paper", "best"

@@ -23,19 +23,16 @@ from tests.faults.worlds import worlds
 Trial = Callable[[Scenario, Path], list[str]]
 ONCE: list[tuple[str, Trial]] = [
     ("two processes, one folder", trials.two_at_once),
-    ("names that differ in case", trials.case_alone),
     ("no place for caches", surroundings.no_place),
 ]
 """Name and trial of what is tried without older results alone."""
 TRIALS: list[tuple[str, Trial]] = [
-    *(("links and pipes in the way", partial(surroundings.planted, kind=kind)) for kind in ("symbolic link", "hard link", "pipe")),
     ("odd names", partial(surroundings.odd_names, environment={})),
     ("odd names, no locale", partial(surroundings.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"})),
     ("nothing left in the home", surroundings.empty_home),
     *(("disk full", partial(trials.full_disk, pages=pages)) for pages in (1, 5)),
     ("limit on file size", partial(trials.file_limit, size=2000)),
     ("read-only folder", trials.read_only),
-    *(("output is an input", partial(trials.own_input, link=link)) for link in ("symbolic", "hard")),
 ]
 """Of all other surroundings."""
 _SECONDS = 4.0  # a command takes no longer, even on a busy machine
@@ -50,6 +47,7 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
         "SIGINT": (partial(trials.interrupted, number=signal.SIGINT), few, known),
         "SIGTERM": (partial(trials.interrupted, number=signal.SIGTERM), few, known),
         "Ctrl-C for all processes": (surroundings.ctrl_c, few, known),
+        "a worker is killed": (trials.killed_worker, few, [each for each in known if each.name == "render"]),
     }
     found: list[tuple[str, Scenario, Trial]] = [
         (what, among[index % len(among)], partial(trial, chance=random.Random(f"{seed} {what} {index}"), seconds=_SECONDS))

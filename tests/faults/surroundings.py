@@ -1,4 +1,4 @@
-"""Trials of commands in hostile surroundings: planted links, odd names and locales, places that cannot be written, Ctrl-C.
+"""Trials of commands in hostile surroundings: odd names and locales, places that cannot be written, Ctrl-C.
 
 Each returns what it found wrong, a line each.
 """
@@ -13,29 +13,9 @@ from pathlib import Path
 
 from tests.faults.scenario import Scenario
 from tests.faults.trials import ENDS, ended, state
-from tools.batch.journal import NAME as JOURNAL
-from tools.batch.journal import lock_path
 
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
-
-
-def planted(scenario: Scenario, folder: Path, kind: str) -> list[str]:
-    """Links to an original, or pipes, under the names of files that the command keeps for itself: journal and locks."""
-    scenario.lay_out(folder)
-    original = folder / next(iter(scenario.inputs))
-    for name in (JOURNAL, *(lock_path(Path(output)).name for output in scenario.outputs)):
-        path = folder / "out" / name
-        match kind:
-            case "symbolic link":
-                path.symlink_to(original)
-            case "hard link":
-                path.hardlink_to(original)
-            case "pipe":
-                os.mkfifo(path)
-    found = ended(scenario.start(folder), "", 0, 1)
-    (folder / "out" / JOURNAL).unlink(missing_ok=True)
-    return found + state(scenario, folder, finished=False)
 
 
 def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> list[str]:

@@ -9,8 +9,7 @@ import subprocess
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shared.dng import verify_dng
@@ -103,6 +102,30 @@ def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> 
     return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
+def killed_worker(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
+    """One of two processes is killed, as for want of memory; then the rest is made."""
+    scenario.lay_out(folder)
+    process = scenario.start(folder, extra=("--workers", "2"))
+    time.sleep(chance.uniform(0.1, seconds))
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    workers = [
+        int(each) for each in (children.read_text().split() if process.poll() is None else ())
+        if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()
+    ]  # fmt: skip
+    for worker in workers[:1]:
+        with suppress(ProcessLookupError):
+            os.kill(worker, signal.SIGKILL)
+    _, said = process.communicate(timeout=PATIENCE)
+    failed = said.decode().count("its process was killed")
+    made = sum((folder / "out" / name).exists() for name in scenario.outputs)
+    found = state(scenario, folder, finished=False)
+    if process.returncode not in (0, 1, 2) or "Traceback" in said.decode():
+        found.append(f"left with {process.returncode}: {said[-300:]!r}")
+    if process.returncode == 1 and (failed != 1 or made != len(scenario.outputs) - 1):
+        found.append(f"{failed} lost, {made} made: {said[-300:]!r}")
+    return found or _again(scenario, folder)
+
+
 def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
     """A disk with room for `pages` pages of memory beside the older results."""
     with small_disk(folder, (pages + len(scenario.before)) * resource.getpagesize()) as mounted:
@@ -144,29 +167,3 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
         process.communicate(timeout=PATIENCE)
     found = state(scenario, folder, finished=True)
     return found + [f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)]
-
-
-def own_input(scenario: Scenario, folder: Path, link: str) -> list[str]:
-    """An input in the place of a result, through a symbolic or a hard link."""
-    scenario.lay_out(folder)
-    for (name, _), output in zip(scenario.inputs.items(), scenario.outputs, strict=False):
-        target = folder / "out" / output
-        target.unlink(missing_ok=True)
-        if link == "symbolic":
-            target.symlink_to(folder / name)
-        else:
-            target.hardlink_to(folder / name)
-    process = scenario.start(folder, extra=() if "--overwrite" in scenario.arguments else ("--overwrite",))
-    found = ended(process, "is an input; use another output folder", 1)
-    return found + [f"{name} was changed" for name, data in scenario.inputs.items() if (folder / name).read_bytes() != data]
-
-
-def case_alone(scenario: Scenario, folder: Path) -> list[str]:
-    """Two inputs whose names differ in case only: the same name on many disks."""
-    scenario.lay_out(folder)
-    name, data = next(iter(scenario.inputs.items()))
-    other = name.upper().replace(name.rpartition(".")[2].upper(), name.rpartition(".")[2])
-    (folder / other).write_bytes(data)
-    where = scenario.arguments.index(name) + 1
-    process = replace(scenario, arguments=(*scenario.arguments[:where], other, *scenario.arguments[where:])).start(folder)
-    return ended(process, "the result would have the same name as that of", 1) + scenario.faults(folder, finished=True)

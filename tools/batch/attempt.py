@@ -14,30 +14,30 @@ from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
 from tools.batch.jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from tools.batch.progress import StageProgress
-from tools.io.ahead import promised
 from tools.io.backup import keep_old
 from tools.io.development import Development, write_picture
 
-from .checks import check_memory, needed_memory
-from .compilation import announced_compilation, compile_ahead, load_compiled
+from .checks import check_memory
+from .compilation import announced_compilation, compile_ahead
 from .journal import Entry, Journal, digest, key, output_lock
-from .order import Order, Share, Subject
+from .order import Order, Subject
 
 if TYPE_CHECKING:
     from offline import SolverLog
 
 
-def attempt(order: Order, share: Share, job: Job, listener: StageProgress) -> Outcome:
+def attempt(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
     """Make a picture, or find that it is there already.
 
     order: settings of the run.
-    share: what it may use of the machine.
+    memory: bytes that may be used.
+    processes: how many may be started to compile the renderer; 1 = none, in a process that was started itself.
     job: the shot or burst, and where its picture goes.
     listener: takes stages, and remarks for the user.
 
     Raises InputError, ForeignFileError or OutputError if there can be no picture.
     """
-    return _Attempt(order, share, job, listener).outcome()
+    return _Attempt(order, memory, processes, job, listener).outcome()
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ class _Attempt:
     """See `attempt`."""
 
     order: Order
-    share: Share
+    memory: int
+    processes: int
     job: Job
     listener: StageProgress
 
@@ -76,8 +77,8 @@ class _Attempt:
             if order.dry_run:
                 return self._planned()
             output.parent.mkdir(parents=True, exist_ok=True)
-            with output_lock(output, wait=self.share.last) as free:
-                return self._made() if free else Outcome(state="postponed")
+            with output_lock(output):
+                return self._made()
         except FileExistsError:
             raise OutputError(f"{output}: {output.parent} is not a folder; remove it, or use another output folder") from None
         except OSError as error:
@@ -85,41 +86,35 @@ class _Attempt:
 
     def _planned(self) -> Outcome:
         """What a dry run would do."""
-        if self._existing(self._digest()).current:
+        if self._is_unchanged() or self._existing(self._digest()).current:
             return self._current("current", dry_run=True)
         facts = {"output": str(self.job.output), "dry_run": True}
         return Outcome(facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned")
 
     def _made(self) -> Outcome:
         """Make the picture, while this process holds the lock on the output."""
-        start, order, source_digest = time.monotonic(), self.order, self._digest()
+        start, order = time.monotonic(), self.order
+        if self._is_unchanged():
+            return self._current("current")
+        stamp, source_digest = _stamp(self.job.files), self._digest()
         existing = self._existing(source_digest)
         if existing.current:
             return self._current(existing.current)
-        subject = self._read()
+        self.listener.stage("reading", 1)
+        subject = self._open()
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
                 raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
-            if not self.share.last and needed_memory(subject.mosaic, order.kind, order.settings, subject.count) > self.share.memory:
-                return Outcome(state="postponed")
-            check_memory(subject.mosaic, order.kind, order.settings, self.share.memory, subject.count)
-            compile_ahead([order.settings], self.share.processes, self.listener)  # now that only the writing can fail
+            check_memory(subject.mosaic, order.kind, order.settings, self.memory, subject.count)
+            compile_ahead([order.settings], self.processes, self.listener)  # now that only the writing can fail
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
-            log = self._write(subject, development, existing, source_digest)
+            log = self._write(subject, development, existing, source_digest, stamp)
         return self._told(subject, development, pattern, log, time.monotonic() - start)
 
     def _open(self) -> Subject:
-        return self.order.open(self.job, self.share.memory, self.listener.note)
-
-    def _read(self) -> Subject:
-        """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
-        self.listener.stage("reading", 1)
-        subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
-        with announced_compilation(self.listener):
-            load_compiled(self.order.settings)
-        return subject.result()
+        return self.order.open(self.job, self.memory, self.listener.note)
 
     def _note_what_is_assumed(self, subject: Subject) -> None:
         source, mosaic, order = self.job.source, subject.mosaic, self.order
@@ -132,7 +127,9 @@ class _Attempt:
         for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
-    def _write(self, subject: Subject, development: Development, existing: _Existing, source_digest: str) -> "SolverLog":
+    def _write(
+        self, subject: Subject, development: Development, existing: _Existing, source_digest: str, stamp: str
+    ) -> "SolverLog":
         """Render, and write the picture. Returns what the solvers did."""
         from offline import SolverLog, threads
 
@@ -145,7 +142,7 @@ class _Attempt:
         with ThreadPoolExecutor(1) as pool:
 
             def noted(part: Path) -> Callable[[], object]:
-                return pool.submit(self._note_in_journal, part, source_digest).result
+                return pool.submit(self._note_in_journal, part, source_digest, stamp).result
 
             shown = self._shown(subject.bands(log), subject.lost, development)
             write_picture(path, shown, development, overwrite=existing.replace, on_complete=noted, threads=threads())
@@ -159,10 +156,18 @@ class _Attempt:
             top += len(band)
         self.listener.stage("writing", 1)
 
-    def _note_in_journal(self, part: Path, source_digest: str) -> None:
-        source, made = os.path.abspath(self.job.source), self.job.output  # noqa: PTH100 (without following links)
-        made_key = self.order.key(made, source_digest)
-        _journal(self.order.folder).append(Entry(self.order.name(made), digest(part) or "", made_key, self.order.run, source))
+    def _note_in_journal(self, part: Path, source_digest: str, stamp: str) -> None:
+        order, output = self.order, self.job.output
+        entry = Entry(
+            order.name(output),
+            digest(part) or "",
+            order.key(output, source_digest),
+            order.run,
+            os.path.abspath(self.job.source),  # noqa: PTH100 (without following links)
+            source_digest,
+            f"{stamp} {_stamp([part])}",
+        )
+        _journal(order.folder).append(entry)
 
     def _told(self, subject: Subject, development: Development, pattern: CfaPattern, log: "SolverLog", seconds: float) -> Outcome:
         """What is said of a picture that was made."""
@@ -188,6 +193,14 @@ class _Attempt:
         output = self.job.output
         known = {"output": str(output), "current": True, **facts}
         return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
+
+    def _is_unchanged(self) -> bool:
+        """Whether the picture is up to date by sizes and times alone: reading all files of an archive takes long."""
+        order, output = self.order, self.job.output
+        made = _journal(order.folder).of(order.name(output)) if order.resume else []
+        if not made or made[-1].stamp != f"{_stamp(self.job.files)} {_stamp([output])}":
+            return False
+        return made[-1].key == order.key(output, made[-1].input)
 
     def _existing(self, source_digest: str | None) -> _Existing:
         """Look up what exists under the name of the output. Raises OutputError for a file that must stay."""
@@ -218,6 +231,12 @@ class _Attempt:
 @lru_cache(maxsize=1)  # so that a process reads a long journal once
 def _journal(folder: Path) -> Journal:
     return Journal(folder)
+
+
+def _stamp(files: Iterable[str | Path]) -> str:
+    """Size and time of modification of each file."""
+    found = (file_status(each) for each in files)
+    return " ".join(f"{each.st_size}-{each.st_mtime_ns}" if each else "?" for each in found)
 
 
 def _both_there(one: str, other: str) -> bool:

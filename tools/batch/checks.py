@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
+_THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes
 _LEAST = "tif"  # the format that needs least
 
@@ -32,7 +33,7 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
         rendering = burst_memory(frames, mosaic, settings)
     channels, pixels = len(mosaic.pattern.channels), mosaic.shape[0] * mosaic.shape[1]
     made = kind.kept_as.memory(mosaic.shape, channels, rendering, threads())
-    return round(_PROGRAM + _MOSAIC * frames * pixels + made)
+    return round(_PROGRAM + _THREAD * threads() + _MOSAIC * frames * pixels + made)
 
 
 def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int, frames: int = 1) -> None:

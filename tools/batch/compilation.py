@@ -9,7 +9,7 @@ from typing import Any
 
 from shared.processors import available_threads, use_threads
 from tools.batch.memory import available_memory
-from tools.batch.processes import Processes
+from tools.batch.parallel import processes as worker_processes
 from tools.batch.progress import Note, StageProgress
 
 _BETWEEN_NOTES = 10.0  # seconds
@@ -37,14 +37,6 @@ def limit_threads(count: int | None) -> None:
         use_threads(min(count, available_threads()))
 
 
-def load_compiled(settings: Any) -> None:
-    """Load what a render with these settings needs, unless some of it has to be compiled first. settings: RenderSettings."""
-    from offline import warm_up
-
-    if _missing([settings]) == []:
-        warm_up(settings)
-
-
 def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:
     """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
 
@@ -54,7 +46,12 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
     processes: how many may be started. Call this in the command's own process, not in one that it has started.
     progress: see `announced_compilation`.
     """
-    names = _missing(settings) or []
+    from offline import kernels_to_compile
+
+    try:
+        names = kernels_to_compile(*settings)
+    except RuntimeError:  # there is no folder to keep any in
+        return
     if min(processes, len(names)) > 1:
         tell = _teller(progress)
         progress.stage("compiling", len(names))
@@ -62,16 +59,6 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
         for number, _ in enumerate(compile_all(names, processes, progress.note), 1):
             progress.advance()
             tell(f"compiled kernel {number} of {len(names)}")
-
-
-def _missing(settings: Sequence[Any]) -> list[str] | None:
-    """Names of kernels that have to be compiled and can be kept; None where there is no folder to keep any in."""
-    from offline import kernels_to_compile
-
-    try:
-        return kernels_to_compile(*settings)
-    except RuntimeError:
-        return None
 
 
 def to_compile() -> list[str]:
@@ -94,7 +81,8 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
     names: those that take longest first.
     """
     possible = min(processes, available_memory() // _PROCESS_BYTES)
-    yield from Processes(max(1, possible), note, _REMEDY)(_compile, names)
+    with worker_processes(max(1, possible), _REMEDY) as executor:
+        yield from executor.run(_compile, names, note)
 
 
 def _compile(name: str, listener: StageProgress) -> None:

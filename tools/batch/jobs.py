@@ -14,9 +14,9 @@ from shared.errors import ForeignFileError, InputError, OutputError, PanchromaEr
 from shared.writing import dangling_link, sweep
 
 from .console import Console, fault
+from .parallel import Function, Results, one_by_one
 from .progress import StageProgress
 from .signals import raise_lost_signal
-from .work import Here, Workers, follow
 
 FAILED = 1
 
@@ -60,7 +60,7 @@ def _make(folder: Path) -> None:
         raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
 
 
-State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]
+State = Literal["made", "planned", "current", "foreign", "failed"]
 _WORDS: dict[State, str] = {"planned": "to be made", "current": "up to date", "foreign": "left alone"}
 
 
@@ -71,8 +71,7 @@ class Outcome:
     facts: for machines.
     lines: for people.
     errors: a line for each file that failed, though the result could be made without it.
-    state: made; planned (nothing is written, but would be); current (up to date already); postponed (to the next pass: another
-        process is at it, or it needs more memory than its share).
+    state: made; planned (nothing is written, but would be); current (up to date already).
     """
 
     facts: dict[str, Any] = field(default_factory=dict)
@@ -81,10 +80,8 @@ class Outcome:
     state: State = "made"
 
 
-Work = Callable[[Job, StageProgress], Outcome]
+Work = Function[Job, Outcome]
 """Does one job; its notes and stages go to the listener."""
-JobWorkers = Workers[Job, Outcome]
-"""A way to do jobs, several at a time or one after the other."""
 
 
 _created: list[Path] = []  # output folders of this command
@@ -136,28 +133,25 @@ def run_jobs(
     console: Console,
     *,
     overwrite: bool = False,
-    workers: JobWorkers | None = None,
-    progress: StageProgress | None = None,
+    listen: Callable[[Job], StageProgress] | None = None,
 ) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
 
     overwrite: results that exist may be replaced.
-    workers: how the work is done; None = one job after the other, here.
-    progress: shows how far all jobs are.
+    listen: makes the listener of a job; None = one that shows only notes.
 
     Returns the exit code, 0 or 1.
     """
     possible, all_possible = possible_jobs(jobs, console, overwrite=overwrite)
-    passes = [(work, workers or Here(lambda _: StageProgress(note=console.note)))]
-    return 0 if do_jobs(possible, passes, console, progress or StageProgress())["failed"] == 0 and all_possible else FAILED
+    listen = listen or (lambda _: StageProgress(note=console.note))
+    states = do_jobs(one_by_one(work, possible, listen), console)
+    return 0 if states["failed"] == 0 and all_possible else FAILED
 
 
-def possible_jobs(
-    jobs: Sequence[Job], console: Console, *, overwrite: bool, wanted: Callable[[Job], bool] = lambda _: True
-) -> tuple[list[Job], bool]:
-    """The wanted jobs that would replace nothing that must stay, and whether that is all of them.
+def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> tuple[list[Job], bool]:
+    """The jobs that would replace nothing that must stay, and whether that is all of them.
 
-    Each other one is reported as failed. Of two jobs with the same output the first gets it, even if it is not wanted here.
+    Each other one is reported as failed. Of two jobs with the same output the first gets it.
 
     overwrite: results that exist may be replaced.
     """
@@ -167,8 +161,6 @@ def possible_jobs(
     for job in jobs:
         try:
             refuse_loss(job.source, job.outputs, inputs, planned)
-            if not wanted(job):
-                continue
             if not overwrite:
                 refuse_existing(job.outputs)
         except PanchromaError as error:
@@ -179,25 +171,15 @@ def possible_jobs(
     return possible, all_well
 
 
-def do_jobs(
-    jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], console: Console, progress: StageProgress
-) -> Counter[State]:
-    """Do jobs, with a line and a record for each. Returns how many ended in which state; each failed frame counts as failed too.
+def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
+    """Report each result as it comes, by a line and a record. Returns how many ended in which state.
 
-    passes: each gets the jobs that the one before it has postponed.
-    progress: shows how far all jobs are.
+    Each failed frame counts as failed too.
     """
     states: Counter[State] = Counter()
-    waiting = list(jobs)
-    for work, workers in passes:
-        postponed = []
-        for job, result in follow(workers, work, waiting, progress):
-            if isinstance(result, Outcome) and result.state == "postponed":
-                postponed.append(job)
-            else:
-                states[_report(job, result, console)] += 1
-                states["failed"] += len(result.errors) if isinstance(result, Outcome) else 0
-        waiting = postponed
+    for job, result in results:
+        states[_report(job, result, console)] += 1
+        states["failed"] += len(result.errors) if isinstance(result, Outcome) else 0
     return states
 
 

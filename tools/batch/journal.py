@@ -37,6 +37,8 @@ class Entry:
     key: digest of everything that it depends on, see `key`.
     run: name of the run that made it.
     source: absolute path of the shot.
+    input: digest of what it was made from; "" in the journals of earlier versions, as `stamp`.
+    stamp: sizes and times of the files that it was made from, and of the file itself.
     """
 
     output: str
@@ -44,6 +46,8 @@ class Entry:
     key: str
     run: str
     source: str
+    input: str = ""
+    stamp: str = ""
 
 
 class Journal:
@@ -127,22 +131,15 @@ def digest(path: Path | str) -> str | None:
     return None
 
 
-def exclusive(descriptor: int, *, wait: bool = True) -> None:
-    """Lock an open file until it is closed or this process ends; on a file system without locks, do nothing.
-
-    Raises BlockingIOError when another process holds the lock and `wait` is not set.
-    """
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        raise
-    except OSError:
-        pass
+def exclusive(descriptor: int) -> None:
+    """Lock an open file until it is closed or this process ends; on a file system without locks, do nothing."""
+    with suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
 
 
 @contextmanager
-def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
-    """Hold the lock on `output` in a `with` block; yields False when another process holds it and `wait` is not set.
+def output_lock(output: Path) -> Iterator[None]:
+    """Hold the lock on `output` in a `with` block; wait for another process that holds it.
 
     The lock is a file beside the output, removed at the end. One that a killed process left behind is taken over, or swept. On a
     file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
@@ -151,15 +148,11 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
     path = lock_path(output)
     while True:
         with own_file(path, "ab") as file:
-            try:
-                exclusive(file.fileno(), wait=wait)
-            except BlockingIOError:
-                yield False
-                return
+            exclusive(file.fileno())
             if identity(path) != identity(file.fileno()):
                 continue  # its last owner has removed it meanwhile: this locks nothing
             try:
-                yield True
+                yield
             finally:
                 path.unlink(missing_ok=True)
             return

@@ -1,6 +1,5 @@
 """How much memory is free, and how much of it a command may use."""
 
-import ctypes
 import os
 import re
 import resource
@@ -20,17 +19,6 @@ _GROUPS = (
 )
 # Limit of a process -> what /proc/self/status calls the memory that counts.
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
-
-_ARENA_MAX = -8  # M_ARENA_MAX of glibc's malloc.h
-
-
-def share_one_heap() -> None:
-    """Let all threads of this process share a heap: a render of 12 megapixels in 16 threads takes 0.9 GB instead of 1.2.
-
-    For a command's own process, before it starts threads: it is a setting of the whole process. Does nothing without glibc.
-    """
-    with suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).mallopt(_ARENA_MAX, 1)
 
 
 def allowed_memory(limit: int | None) -> int:

@@ -1,4 +1,4 @@
-"""What a run is asked for, what one shot may use of the machine, and what a picture is rendered from."""
+"""What a run is asked for, and what a picture is rendered from."""
 
 import os
 from collections.abc import Iterator
@@ -162,17 +162,3 @@ class Order:
 
         asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)
-
-
-@dataclass(frozen=True)
-class Share:
-    """What one shot may use of the machine.
-
-    memory: bytes.
-    last: this is the last pass: do not postpone, but wait for other processes, and fail if the memory is not enough.
-    processes: how many it may start to compile the renderer; 1 = none, where it is in a process that was started itself.
-    """
-
-    memory: int
-    last: bool = False
-    processes: int = 1

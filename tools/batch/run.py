@@ -1,38 +1,106 @@
-"""Render a list of shots, on this machine or on others: how many processes, memory for each, which shots are postponed."""
+"""Render a list of shots, on this machine or on others."""
 
-import hashlib
-import os
-from collections.abc import Callable, Iterator, Sequence
+import random
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
 
 from shared.errors import OutputError, PanchromaError
 from shared.processors import processors
-from tools.batch.cluster import Cluster, absolute_path
+from shared.writing import sweep
 from tools.batch.console import Console
-from tools.batch.jobs import Job, JobWorkers, Outcome, Work, file_status
+from tools.batch.jobs import Job, Outcome, State, do_jobs, file_status
 from tools.batch.memory import allowed_memory
-from tools.batch.processes import Processes
+from tools.batch.parallel import Results, follow, one_by_one
+from tools.batch.parallel import processes as worker_processes
 from tools.batch.progress import REMARKS, Note, StageProgress
-from tools.batch.work import Here
 
 from .attempt import attempt
 from .checks import needed_memory
+from .cluster import absolute_path, cluster
 from .compilation import compile_ahead
-from .order import Order, Share
-
-Pass = tuple[Work, JobWorkers]
-"""What is done to each job, and how; the last one of several does the jobs that those before it have postponed."""
+from .order import Order
 
 _MANY = 2  # shots per processor from which on one process per processor pays
 _LARGEST = 3  # files that are read to learn how much memory the largest shot needs
-_REMEDY = "render it with `workers=1`, or allow more with `max_memory`"
 
 
-def _largest_need(order: Order, jobs: Sequence[Job]) -> int:
+def render_all(
+    order: Order,
+    shots: Sequence[Job],
+    console: Console,
+    *,
+    jobs: int | None,
+    threads: int | None,
+    memory: int | None,
+    scheduler: str | None = None,
+) -> Counter[State]:
+    """Render all shots, with a line and a record for each. Returns how many ended in which state.
+
+    jobs: number of processes, fewer where memory is short; None = one for a few shots, otherwise one per processor. One is this
+        process; if there is only one shot, the console shows its stages.
+    threads: of each process; None = as many as there are processors for.
+    memory: bytes for all processes together, on a cluster for each worker; None = most of what is free.
+    scheduler: address of a dask scheduler, whose workers render; they see the same folders.
+    Raises SchedulerGoneError when the scheduler ends.
+    """
+    if order.resume:  # commands that share a folder wait for a shot that another one renders: they should seldom meet
+        shots = random.sample(shots, len(shots))
+    several, elsewhere = len(shots) > 1, bool(scheduler and shots and not order.dry_run)
+    note = lru_cache(REMARKS)(console.note)  # several processes send the same note: it is shown once
+    with ExitStack() as stack:
+        progress = stack.enter_context(console.progress("render") if several else StageProgress())
+        if elsewhere:
+            order = replace(order, folder=order.folder.absolute())
+            shots = [_absolute(shot) for shot in shots]
+        for folder in {shot.output.parent for shot in shots}:
+            stack.callback(sweep, folder)  # what killed processes leave
+        allowed = allowed_memory(memory)
+        count = 1 if elsewhere else _processes(order, shots, jobs, threads, allowed, note)
+        threads_each = threads or max(1, processors() // count)
+        if elsewhere:
+            executor = stack.enter_context(cluster(scheduler or "", note))
+            work = partial(_on_worker, order, threads, memory)
+            results = _seen(executor.run(work, shots, note))
+        elif count > 1:
+            compile_ahead([order.settings], count, StageProgress(note=note))
+            remedy = "render it again with `resume=True`, and fewer processes"
+            executor = stack.enter_context(worker_processes(count, remedy, threads_each))
+            results = executor.run(partial(attempt, order, allowed // count, 1), shots, note)
+        else:
+            show = console.progress if not several else lambda _: StageProgress(note=console.note)
+            work = partial(attempt, order, allowed, threads_each)
+            results = one_by_one(work, shots, lambda shot: show(shot.source))
+        return do_jobs(follow(results, shots, progress), console)
+
+
+def _processes(
+    order: Order,
+    shots: Sequence[Job],
+    jobs: int | None,
+    threads: int | None,
+    memory: int,
+    note: Note,
+) -> int:
+    """Choose the number of processes, see `render_all`."""
+    cores = processors()
+    many = len(shots) >= _MANY * cores
+    most = jobs if jobs is not None else max(1, cores // (threads or 1)) if many else 1
+    most = min(most, len(shots))
+    if order.dry_run or most <= 1:
+        return 1
+    fitting = max(1, memory // _largest_need(order, shots))
+    if jobs is not None and fitting < most:
+        note(f"memory is enough for {fitting} at a time; `max_memory` sets how much may be used")
+    return min(most, fitting)
+
+
+def _largest_need(order: Order, shots: Sequence[Job]) -> int:
     """Bytes that the largest shot needs, roughly. The largest files are read: they have the most pixels, or nearly."""
-    for _, source in sorted(((_size(job.source), job.source) for job in jobs), reverse=True)[:_LARGEST]:
+    sizes = {shot.source: status.st_size for shot in shots if (status := file_status(shot.source))}
+    for source in sorted(sizes, key=lambda each: sizes[each], reverse=True)[:_LARGEST]:
         try:
             return needed_memory(order.read(source), order.kind, order.settings)
         except (PanchromaError, MemoryError):
@@ -40,88 +108,26 @@ def _largest_need(order: Order, jobs: Sequence[Job]) -> int:
     return 1
 
 
-def _size(source: str) -> int:
-    status = file_status(source)
-    return status.st_size if status else 0
+def _absolute(shot: Job) -> Job:
+    outputs = tuple(path.absolute() for path in shot.outputs)
+    return replace(shot, source=absolute_path(shot.source), outputs=outputs)
 
 
-def passes(
-    order: Order, jobs: Sequence[Job], console: Console, *, workers: int | None, threads: int | None, memory: int | None
-) -> list[Pass]:
-    """The passes of this machine over some jobs. The last one does postponed jobs one by one, each with all the memory.
-
-    workers: number of processes.
-    threads: of each process.
-    memory: bytes for all processes together.
-
-    What is left open (None) is chosen by processors and memory: one process for a few shots. If there is only one job, the console
-    shows its stages.
-    """
-    cores, allowed = processors(), allowed_memory(memory)
-    if workers is None:
-        many = len(jobs) >= _MANY * cores
-        workers = max(1, min(cores // (threads or 1), allowed // _largest_need(order, jobs))) if many else 1
-    workers = max(1, min(workers, len(jobs)))
-    threads = threads or max(1, cores // workers)
-    note = lru_cache(REMARKS)(console.note)  # several processes send the same note: it is shown once
-    alone = Here(lambda job: console.progress(job.source) if len(jobs) == 1 else StageProgress(note=console.note))
-    last: Pass = partial(attempt, order, Share(allowed, True, threads)), alone
-    if len(jobs) == 1:
-        return [last]
-    if workers == 1:
-        return [(partial(attempt, order, Share(allowed, False, threads)), alone), last]
-    compile_ahead([order.settings], workers, StageProgress(note=note))
-    share = Share(allowed // workers)
-    return [(partial(attempt, order, share), Processes(workers, note, _REMEDY, threads)), last]
-
-
-def shard_of(output: str, count: int) -> int:
-    """The part, 1 to `count`, of a divided run that makes the picture with this path below the output folder.
-
-    The path alone decides: machines agree without communication, and a new file does not change the part of any other.
-    """
-    return int.from_bytes(hashlib.sha256(os.fsencode(output)).digest()[:8], "big") % count + 1
-
-
-def scheduled_passes(order: Order, client: Any, threads: int | None, memory: int | None, note: Note) -> list[Pass]:
-    """The passes over a list of jobs by the workers of a dask scheduler, on any number of machines that see the same folders.
-
-    A lost worker costs no result: another one gets its shots, and finds in the journal what is made already.
-
-    order: settings of the run.
-    client: of the dask scheduler.
-    threads: number for each worker; None = as many as it was started with.
-    memory: limit for each worker, bytes; None = most of its free memory.
-    note: called with each different remark of the workers, and with each remark on them.
-
-    Raises SchedulerGoneError when the scheduler ends.
-    """
-    order, cluster = replace(order, folder=order.folder.absolute()), Cluster(client, note)
-
-    def elsewhere(
-        work: Callable[[Job, StageProgress], Outcome], jobs: Sequence[Job], /
-    ) -> Iterator[tuple[Job, Outcome | Exception]]:
-        there = {_with_absolute_names(job): job for job in jobs}
-        for named, result in cluster(work, list(there)):
-            job = there[named]
-            if isinstance(result, Outcome) and result.state == "made" and not job.output.exists():
-                unseen = "was made where this machine does not see it; `output` must be a shared folder"
-                yield job, OutputError(f"{job.output}: {unseen}")
-            else:
-                yield job, result
-
-    return [(partial(_work, order, threads, memory, last), elsewhere) for last in (False, True)]
-
-
-def _with_absolute_names(job: Job) -> Job:
-    return replace(job, source=absolute_path(job.source), outputs=tuple(path.absolute() for path in job.outputs))
-
-
-def _work(order: Order, threads: int | None, memory: int | None, last: bool, job: Job, listener: StageProgress) -> Outcome:
-    """On a worker: see `attempt`."""
+def _on_worker(order: Order, threads: int | None, memory: int | None, shot: Job, listener: StageProgress) -> Outcome:
+    """Render on a dask worker, see `attempt`; by default with as many threads as it was started with."""
     from distributed import get_worker
 
     from offline import available_threads, use_threads
 
-    use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # counts for this thread alone
-    return attempt(order, Share(allowed_memory(memory), last), job, listener)
+    use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # of this thread
+    return attempt(order, allowed_memory(memory), 1, shot, listener)
+
+
+def _seen(results: Results[Job, Outcome]) -> Results[Job, Outcome]:
+    """Replace the outcomes of pictures that this machine does not see."""
+    for shot, result in results:
+        if isinstance(result, Outcome) and result.state == "made" and not shot.output.exists():
+            unseen = "was made where this machine does not see it; `output` must be a shared folder"
+            yield shot, OutputError(f"{shot.output}: {unseen}")
+        else:
+            yield shot, result

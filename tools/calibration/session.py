@@ -14,8 +14,8 @@ from shared.errors import InputError, PanchromaError
 from tools.batch.console import Console
 from tools.batch.html import without_folders
 from tools.batch.jobs import reason
+from tools.batch.parallel import one_by_one
 from tools.batch.progress import StageProgress
-from tools.batch.work import Here, Workers, follow
 
 from .content import check_dark, check_flat, why_no_chart
 from .dark_frames import measure_dark
@@ -264,8 +264,8 @@ class Session:
 
     def _each(self, paths: Sequence[str], kind: str, work: Callable[[str, StageProgress], R]) -> Iterator[R]:
         """What `work` makes of each frame that it can use, with a record; the others are skipped."""
-        here: Workers[str, R] = Here(lambda path: self._console.progress(Path(path).name))
-        for path, result in follow(here, work, paths, StageProgress()):
+        show = lambda path: self._console.progress(Path(path).name)  # noqa: E731
+        for path, result in one_by_one(work, paths, show):
             if isinstance(result, Exception):
                 self._skip([path], result)
             else:

@@ -9,11 +9,13 @@ colour read the same, whatever the colour of the scene; sites of different colou
 blue a mosaic does not tell: a picture of something known does.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations, product
+from itertools import combinations, permutations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +53,12 @@ _DENSE_APART = 40.0
 _UNLIKE = 0.005  # of the energy between the brightest sites and others: different filters have 0.015 and more, the same 0.002
 _COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
 _MORE_COLOURS = "CDEFHIJK"
+
+_NOTHING = (
+    "the frame shows no pattern of filters: it is too dark, too even or too small, or there are none. Photograph something with "
+    "many colours in good light, not overexposed; the larger the frame the better"
+)
+_EXCHANGED = "RGB"
 
 Letters = NDArray[np.str_]
 
@@ -119,6 +127,52 @@ def identify(codes: CodeArray) -> Identity | None:
         letters, separation = open_tile
     times = len(letters) // period
     return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
+
+
+def facts_of(codes: CodeArray) -> dict[str, Any]:
+    """What a frame (H, W) shows of the filters, see `Identity`; `pattern` and `alternatives` are those that fit.
+
+    Raises InputError that says what to photograph if the frame shows no pattern.
+    """
+    found = identify(codes)
+    if found is None:
+        raise InputError(_NOTHING)
+    others = _exchanged(found.tile)
+    clear = np.array([[letter == PANCHROMATIC for letter in row] for row in found.tile])
+    gap = float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light)) if clear.any() else None
+    return {
+        "width": codes.shape[1],
+        "height": codes.shape[0],
+        "period": found.period,
+        "certainty": round(found.certainty, 1),
+        "panchromatic": np.argwhere(clear).tolist(),
+        "gap": gap and round(gap, 2),
+        "letters": list(found.tile),
+        "separation": round(found.separation, 1),
+        "name": found.name or None,
+        "dense": found.name in DENSE,
+        "open": UNKNOWN in "".join(found.tile),
+        "light": found.light.round(4).tolist(),
+        "pattern": _described(found.tile),
+        "exchangeable": bool(others),
+        "alternatives": [each for tile in others if (each := _described(tile))],
+    }
+
+
+def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The tiles that would fit as well: colours with equally many sites are exchanged."""
+    sites = Counter("".join(tile))
+    orders = (
+        order for order in permutations(_EXCHANGED) if all(sites[a] == sites[b] for a, b in zip(_EXCHANGED, order, strict=True))
+    )
+    tiles = (tuple(row.translate(str.maketrans(_EXCHANGED, "".join(order))) for row in tile) for order in orders)
+    return [each for each in tiles if each != tile]
+
+
+def _described(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
+    """Name, or letters, and origin of `pattern_of` a tile."""
+    pattern = pattern_of(tile)
+    return (pattern.name.casefold() or "/".join(pattern.tile), pattern.origin) if pattern else None
 
 
 class _Folds:

@@ -1,18 +1,13 @@
-"""The viewfinder: from raw frames to the latest picture for all viewers, figures about it, and the frame that a shot saves.
-
-Two frames are in hand, so that a step that one core does alone leaves no core idle.
-"""
+"""The viewfinder: from raw frames to the latest picture for all viewers, figures about it, and the frame that a shot saves."""
 
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import ExitStack
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
-from threading import Lock
 from time import monotonic, perf_counter
 from typing import Any
 
@@ -39,8 +34,6 @@ _MISSED = 2.5  # intervals without a picture after which the camera counts as si
 _TICK = 1e-6  # seconds: two pictures at one time have a rate, too
 _ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
-_IN_HAND = 2
-_POLL = 0.1  # seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,45 +212,20 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
     refused: called with the reason for each frame that does not fit the sensor.
     Raises the error that ends `frames`.
     """
-    source, balance = iter(frames), SteadyWhite()
-    balancing, previewing, encoding = Lock(), Lock(), Lock()  # the preview is made on all cores, the others on one
-
-    def show_next() -> bool:
-        with ExitStack() as held:
-            held.enter_context(balancing)
-            frame = next(source, None)
-            if frame is None:
-                return False
+    balance, shown = SteadyWhite(), None
+    with ThreadPoolExecutor(1, "show") as pool:  # encodes, on one core, while the next preview is made
+        for frame in frames:
             try:
                 mosaic = balance(sensor.mosaic(frame))
-                facts = frame.taken, frame.arrived
-                is_checked = frame.is_checked
-                del frame  # its bytes; only the mosaic is needed now
-                _go_on(held, previewing)
                 picture = preview(mosaic)
-                _go_on(held, encoding)
-                finder.show(picture, mosaic, *facts, is_checked=is_checked)
             except InputError as error:
                 refused(error)
-        return True
-
-    def work() -> None:
-        while show_next():
-            pass
-
-    with ThreadPoolExecutor(_IN_HAND, "show") as pool:
-        working = [pool.submit(work) for _ in range(_IN_HAND)]
-        # Not without end: a signal that another thread gets is handled when the main thread wakes.
-        while wait(working, _POLL).not_done:
-            pass
-        for each in working:
-            each.result()  # raises the error
-
-
-def _go_on(held: ExitStack, step: Lock) -> None:
-    """Take this step's lock before the last one's is let go, so that no frame overtakes another."""
-    with held.pop_all():
-        held.enter_context(step)
+                continue
+            if shown is not None:
+                shown.result()
+            shown = pool.submit(finder.show, picture, mosaic, frame.taken, frame.arrived, is_checked=frame.is_checked)
+        if shown is not None:
+            shown.result()
 
 
 def _jpeg(picture: ByteArray) -> bytes:

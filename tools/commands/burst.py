@@ -16,10 +16,8 @@ from tools.batch.burst_files import series, series_stem
 from tools.batch.compilation import limit_threads
 from tools.batch.console import Console
 from tools.batch.folders import DNGS, search
-from tools.batch.jobs import FAILED, Job, do_jobs, identity, possible_jobs
-from tools.batch.memory import share_one_heap
-from tools.batch.progress import StageProgress
-from tools.batch.run import passes
+from tools.batch.jobs import FAILED, Job, identity, possible_jobs
+from tools.batch.run import render_all
 
 from .options import add, numbers, option
 from .picture_options import add_picture, add_run, order_fields
@@ -44,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
-    share_one_heap()
     limit_threads(arguments.threads)
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix
@@ -69,6 +66,5 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     job = Job(names[0], (folder / f"{series_stem(names)}{suffix}",), all(each.found for each in found.sources), tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
-    through = passes(order, jobs, console, workers=1, threads=arguments.threads, memory=arguments.max_memory)
-    states = do_jobs(jobs, through, console, StageProgress())
+    states = render_all(order, jobs, console, jobs=1, threads=arguments.threads, memory=arguments.max_memory)
     return 0 if possible and not states["failed"] else FAILED

@@ -15,7 +15,7 @@ from shared.pattern import PERIODS
 from shared.processors import processors
 from shared.tiles import TILES
 from shared.writing import write_durably
-from tools.batch.cluster import SchedulerGoneError, absolute_path, connected
+from tools.batch.cluster import SchedulerGoneError, absolute_path
 from tools.batch.console import Console
 from tools.batch.jobs import FAILED, output_folder, refuse_existing
 from tools.batch.memory import allowed_memory
@@ -25,7 +25,7 @@ from tools.evaluation.report import plain_text
 from tools.io.versions import program_version
 from tools.simulation.pattern_text import read_pattern
 
-from .options import add, add_protocol, count, option, protocol_of, uses_scheduler
+from .options import add, add_protocol, count, option, protocol_of
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(what, "--crop PIXELS", "use only the middle of each scene, for a quick look", type=count)
     run_ = parser.add_argument_group("the run")
     add(run_, "workers", things="processes", usual="one per core, as memory allows")
-    add(run_, "scheduler", "scheduler-file", "max-memory", "resume", "overwrite", "dry-run")
+    add(run_, "scheduler", "max-memory", "resume", "overwrite", "dry-run")
     option(run_, "--no-page", "write only the figures")
     add(parser, "json", each="scene")
 
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder, anew=arguments.overwrite)
+    todo, there = tasks(study, folder.absolute() if arguments.scheduler else folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
-        failures += _measure(arguments, team, todo)
+        failures += replace(team, scheduler=arguments.scheduler).measure(todo)
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
@@ -126,7 +126,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     levels = protocol.levels(wanted)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
-    place = absolute_path if uses_scheduler(arguments) else str
+    place = absolute_path if arguments.scheduler else str
     methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
@@ -152,13 +152,6 @@ def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
         if period not in PERIODS:
             raise InputError(f"--period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
     return chosen_tiles(periods, others)
-
-
-def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
-    if not (uses_scheduler(arguments) and todo):
-        return team.measure(todo)
-    with connected(arguments.scheduler, arguments.scheduler_file) as client:
-        return replace(team, client=client).measure(todo)
 
 
 def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:

@@ -20,7 +20,8 @@ from tools.batch.console import Console
 from tools.batch.folders import Source, plan
 from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
 from tools.batch.progress import StageProgress
-from tools.capture.identification import facts_of, first_frame, likely_reading
+from tools.capture.identity import facts_of
+from tools.capture.layouts import first_frame, likely_reading
 from tools.capture.source import STREAM, SourceOptions
 from tools.io.camera_raw import NO_RAW
 from tools.io.illustrations import tile_map

@@ -20,9 +20,9 @@ from shared.networks import network_for
 from shared.processors import processors
 from tools.batch.console import Console
 from tools.batch.folders import DNGS, Source, search
-from tools.batch.jobs import FAILED, Job, Outcome, file_status, run_jobs
+from tools.batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
+from tools.batch.parallel import follow, in_threads
 from tools.batch.progress import StageProgress
-from tools.batch.work import Threads
 
 from .options import add, add_shots, option
 
@@ -77,10 +77,11 @@ def _verify(sources: Sequence[Source], arguments: argparse.Namespace, console: C
             raise
 
     files = {source.name: source for source in sources}  # one that is named twice is checked once
-    threads = Threads(arguments.workers or processors(), console.note)
+    threads = arguments.workers or processors()
     with console.progress("verify") as progress:
         jobs = [Job(name, found=source.found) for name, source in files.items()]
-        code = run_jobs(jobs, work, console, workers=threads, progress=progress)
+        results = in_threads(work, jobs, threads, console.note)
+        code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
     kinds = {kind: [file for file in files if wrong.get(file) == kind] for kind in (_DAMAGED, _UNREAD, _FOREIGN)}
     counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found or kind == _DAMAGED]
     named = (f"  {file}" for kind in (_DAMAGED, _UNREAD) for file in kinds[kind])

@@ -109,8 +109,11 @@ _SHARED: dict[str, tuple[str, str, dict[str, Any]]] = {
         "memory for all processes together, for example 4G (default: most of the free memory)",
         {"type": value(parse_bytes, "a size such as 800M or 4G")},
     ),
-    "scheduler": ("--scheduler ADDRESS", "do the work on the workers of this dask scheduler, tcp://HOST:PORT", {}),
-    "scheduler-file": ("--scheduler-file FILE", "as --scheduler, for the scheduler that wrote this file", {}),
+    "scheduler": (
+        "--scheduler ADDRESS",
+        "do the work on the workers of this dask scheduler, tcp://HOST:PORT",
+        {"type": value(str, "the address of a dask scheduler, tcp://HOST:PORT", bool)},
+    ),
 }
 """Option -> how its help shows it, its help, and settings of argparse; a word in braces is replaced by that of the command."""
 
@@ -199,12 +202,3 @@ def camera_of(arguments: argparse.Namespace, known: CfaPattern | None = None) ->
     except InputError as error:
         raise InputError(f"{arguments.camera}: {error}") from None
     return camera, pattern
-
-
-def uses_scheduler(arguments: argparse.Namespace) -> bool:
-    """Whether a dask scheduler distributes the work. Raises InputError when both options are given, and when one is empty."""
-    if "" in (arguments.scheduler, arguments.scheduler_file):  # an unset variable of a shell, and no wish to work here
-        raise InputError("--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE")
-    if arguments.scheduler and arguments.scheduler_file:
-        raise InputError("--scheduler and --scheduler-file name the same thing; give one of them")
-    return bool(arguments.scheduler or arguments.scheduler_file)

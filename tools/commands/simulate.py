@@ -30,7 +30,6 @@ from tools.batch.folders import plan, search
 from tools.batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from tools.batch.previews import Previews
 from tools.batch.progress import StageProgress
-from tools.batch.work import Here
 from tools.io.development import Development, write_picture
 from tools.io.kind import PictureKind
 from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
@@ -148,8 +147,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
     searched = found.report(console)
     noted: list[tuple[str, tuple[str, ...]]] = []
-    each_shown = Here(lambda job: console.progress(job.source))
-    code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite, workers=each_shown)
+    code = run_jobs(
+        plan(found.sources, names, folder),
+        work,
+        console,
+        overwrite=arguments.overwrite,
+        listen=lambda job: console.progress(job.source),
+    )
     console.notes(noted)
     return code if searched else FAILED
 

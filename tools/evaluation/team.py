@@ -1,18 +1,19 @@
 """The processes that do an evaluation's work, and what the user sees of it: progress, failures, the memory limit."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from shared.errors import InputError, PanchromaError
+from tools.batch.cluster import cluster
 from tools.batch.console import Console
 from tools.batch.jobs import reason
 from tools.batch.memory import format_bytes
-from tools.batch.processes import Processes
+from tools.batch.parallel import follow, one_by_one, processes
 from tools.batch.progress import StageProgress
-from tools.batch.work import Workers, follow
 
 from .scene_sets import Reading, SceneInfo, distinct, expand
 from .study import Task, work
@@ -23,7 +24,7 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
-_REMEDY = "run again with fewer `workers` or a smaller `max_memory`; what was finished is kept"
+_REMEDY = "run again with fewer processes or a smaller `max_memory`; what was finished is kept"
 
 
 def needed_memory(pixels: int) -> int:
@@ -38,13 +39,13 @@ class Team:
     console: shows progress, notes and failures.
     jobs: largest number of processes.
     memory: bytes for all of them together; it reduces their number.
-    client: of a dask scheduler, whose workers then do the work instead.
+    scheduler: address of a dask scheduler, whose workers then do the work instead.
     """
 
     console: Console
     jobs: int
     memory: int
-    client: Any = None
+    scheduler: str | None = None
 
     def processes(self, pixels: int) -> int:
         """How many processes fit into the memory when the largest scene has `pixels` pixels; at least 1."""
@@ -111,19 +112,20 @@ class Team:
         if not pieces:
             return []
         ended: dict[T, R | PanchromaError | MemoryError] = {}
-        with self.console.progress("evaluate") as progress:
-            for piece, result in follow(self._workers(pixels), partial(_alone, each), pieces, progress, title, length):
+        count, call = min(self.processes(pixels), len(pieces)), partial(_alone, each)
+        with ExitStack() as stack:
+            progress = stack.enter_context(self.console.progress("evaluate"))
+            if self.scheduler is not None:
+                results = stack.enter_context(cluster(self.scheduler, self.console.note)).run(call, pieces, self.console.note)
+            elif count > 1:
+                results = stack.enter_context(processes(count, _REMEDY)).run(call, pieces, self.console.note)
+            else:
+                results = one_by_one(call, pieces, lambda _: StageProgress(note=self.console.note))
+            for piece, result in follow(results, pieces, progress, title, length):
                 if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
                     raise result
                 ended[piece] = result
         return [(piece, ended[piece]) for piece in pieces]
-
-    def _workers(self, pixels: int) -> Workers[T, R]:
-        if self.client is not None:
-            from tools.batch.cluster import Cluster
-
-            return Cluster(self.client, self.console.note)
-        return Processes(self.processes(pixels), self.console.note, _REMEDY)
 
     def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
         line = " ".join(f"{source}: {reason(error)}".split())

@@ -1,9 +1,8 @@
-"""Work in threads of its own: on the pieces of a sequence, while the caller makes the next ones; and what nobody waits for."""
+"""Map a function over an iterable in background threads, reading ahead by one item."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from threading import Thread
 from typing import TypeVar
 
 P = TypeVar("P")
@@ -35,17 +34,3 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
             yield pending.popleft().result()
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def promised(work: Callable[[], R]) -> Future[R]:
-    """What `work` returns or raises, from a thread that nobody waits for when the program ends or an interrupt comes."""
-    promise: Future[R] = Future()
-
-    def fulfil() -> None:
-        try:
-            promise.set_result(work())
-        except BaseException as error:
-            promise.set_exception(error)
-
-    Thread(target=fulfil, name="promised", daemon=True).start()
-    return promise

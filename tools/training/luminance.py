@@ -7,8 +7,8 @@ around each block the network foretells what its sites are off by. The same comm
 import argparse
 import sys
 from collections.abc import Callable
-from functools import partial
-from itertools import pairwise
+from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise, repeat
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from shared import CfaPattern
 from shared.arrays import BORDER, FloatArray
 from tools.batch.console import Console
 
+from .__main__ import add_common
 from .examples import DRAWN, kept_back, photographed, photographs
 from .graph import Graph
 from .network import descent, optimiser_of
@@ -124,28 +125,21 @@ def save(network: nn.Sequential, path: Path) -> None:
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m tools.training.luminance", description=__doc__.partition("\n\n")[0])
-    parser.add_argument("folders", nargs="+", metavar="FOLDER", help="photographs to learn from, in this folder or below")
+    add_common(parser, 60000)
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
-    parser.add_argument("--steps", type=int, default=60000, metavar="N", help="of gradient descent (default: 60000)")
-    parser.add_argument("--variants", type=int, default=4, metavar="N", help="examples made of each photograph (default: 4)")
     parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")
-    parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes that simulate (default: 1)")
     arguments, console = parser.parse_args(), Console()
     files = sorted(photographs(arguments.folders))
     sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
-    with console.progress("luminance") as progress, get_context("spawn").Pool(arguments.jobs) as pool:
+    with console.progress("luminance") as progress, ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         progress.stage("examples", len(sources))
         parts = []
-        for part in pool.imap(partial(_examples, arguments.sites), enumerate(sources)):
+        for part in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):
             parts.append(part)
             progress.advance()
     save(learn(parts, sources, arguments.steps, console.say), arguments.output)
     return 0
-
-
-def _examples(sites: int, task: tuple[int, str]) -> Example:
-    return examples(task[1], task[0], sites)
 
 
 if __name__ == "__main__":

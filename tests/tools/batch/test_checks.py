@@ -1,7 +1,6 @@
 """Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,11 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from tests.python import run_python
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, names, run
-from tools.batch import checks, memory
+from tools.batch import checks
 from tools.batch import compilation as product
 from tools.batch.compilation import announced_compilation
-from tools.batch.memory import allowed_memory, format_bytes, parse_bytes
-from tools.batch.progress import LineProgress, StageProgress
+from tools.batch.memory import format_bytes, parse_bytes
+from tools.batch.progress import StageProgress
 from tools.io.formats import FORMATS
 from tools.io.kind import PictureKind
 
@@ -42,17 +41,9 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
 )
 def test_sizes_are_read(option: str, size: int) -> None:
     assert parse_bytes(option) == size
-
-
-@pytest.mark.parametrize("option", ["", "0", "-1G", "4 G", "4X", "0.0M"])
-def test_other_words_are_refused(option: str) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011  the command says what is expected
-        parse_bytes(option)
-
-
-def test_left_open_it_is_most_of_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 1000)
-    assert allowed_memory(None) == 800
+    for wrong in ("", "0", "-1G", "4 G", "4X", "0.0M"):
+        with pytest.raises(ValueError):  # noqa: PT011  the command says what is expected
+            parse_bytes(wrong)
 
 
 @pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])
@@ -75,32 +66,6 @@ def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, na
     peak = int(said.splitlines()[-1]) * 1024
     foreseen = checks.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PRESETS[preset])
     assert foreseen / 2 < peak < foreseen
-
-
-ENCODED = """
-import re, sys
-from pathlib import Path
-from tests.tools.io.examples import encoded, scene
-from tools.io.kind import PictureKind
-
-def status(name):
-    return int(re.search(name + r":\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) * 1024
-
-kind, picture = PictureKind.of(sys.argv[1], int(sys.argv[2])), scene((1500, 1500))
-encoded(picture[:9, :9], kind)  # libraries are loaded
-Path("/proc/self/clear_refs").write_text("5")  # the peak begins here
-before = status("VmRSS")
-encoded(picture, kind)
-print(status("VmHWM") - before)
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read as Linux tells it")
-@pytest.mark.parametrize(("name", "bits"), [("exr", "16"), ("png", "16")])
-def test_a_picture_that_is_held_as_a_whole_takes_no_more_than_is_said(name: str, bits: str) -> None:
-    """Of small frames the rendering needs more: only those of 100 megapixels would show it."""
-    foreseen = FORMATS[name].memory((1500, 1500), 3, 0, 1)
-    assert foreseen / 4 < int(run_python(ENCODED, name, bits)) < foreseen
 
 
 def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,38 +129,6 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     assert line.endswith(
         "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR to a folder that you may write to"
     )
-
-
-def test_the_display_or_else_notes_say_how_far_it_is_and_for_which_stage(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    listening: list[Callable[[int, int], None]] = []
-
-    @contextmanager
-    def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
-        listening.append(begins)
-        yield
-
-    monkeypatch.setattr(offline, "compilation", compilation)
-    monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
-    monkeypatch.setattr("tools.batch.progress._BETWEEN_REMARKS", 0.0)
-    noted = []
-    for progress in (LineProgress("x.dng"), StageProgress()):
-        notes: list[str] = []
-        progress.note = notes.append
-        with product.announced_compilation(progress):
-            progress.stage("luminance", 1)
-            listening[-1](1, 3)
-            progress.stage("colour", 1)
-            progress.part("affinity")
-            listening[-1](2, 3)
-        assert notes.pop(0).startswith("compiling the renderer for this processor")
-        noted.append(notes)
-    assert noted == [[], ["compiling kernel 1 of at most 3: luminance", "compiling kernel 2 of at most 3: colour (affinity)"]]
-    assert [line for line in capsys.readouterr().err.splitlines() if "compiling" in line] == [
-        "x.dng: luminance, compiling kernel 1 of at most 3",
-        "x.dng: colour (affinity), compiling kernel 2 of at most 3",
-    ]
 
 
 def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypatch: pytest.MonkeyPatch) -> None:

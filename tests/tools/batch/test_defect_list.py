@@ -8,7 +8,7 @@ import pytest
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
-from tests.tools.command import assert_refused, names, run
+from tests.tools.command import run
 from tools.batch.defect_list import read_defects, with_defects
 
 
@@ -63,11 +63,3 @@ def test_the_command_mends_what_is_listed(tmp_path: Path, out: Path) -> None:
         pictures.append(np.load(out / "scene.npy"))
     assert pictures[0][15, 21].sum() > 2.5
     assert np.abs(pictures[1] - 0.3).max() < 0.01
-
-
-def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path, out: Path) -> None:
-    run("simulate", "builtin:24x24", "-o", tmp_path, code=0)
-    shot = tmp_path / "builtin-24x24.dng"
-    far = written(tmp_path, "3,40\n")
-    assert_refused(run("render", shot, "-o", out, "--defects", far), "belongs to another sensor", name=str(shot))
-    assert names(out) == set()

@@ -83,20 +83,6 @@ def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: 
     run(*command, shots / "linear.dng", *output, code=1)
 
 
-def test_simulate_takes_a_folder_of_scenes_and_leaves_shots_out(shots: Path, out: Path) -> None:
-    (shots / "linear.dng").unlink()
-    for place in ("a", "b"):
-        (shots / place).mkdir()
-        run("render", shots / "builtin-36x24.dng", "-o", shots / place, "-f", "png", "--preset", "paper", code=0)
-    outcome = run("simulate", shots, "-o", out, "--truth", code=0)
-    assert f"{shots}: left out notes.txt" in outcome.err
-    assert f"{shots}/builtin-36x24.dng: this is a shot" in outcome.err
-    assert set(contents(out)) == {
-        f"{place}/builtin-36x24.{ending}" for place in "ab" for ending in ("dng", "truth.tif", "truth.png")
-    }
-    run("simulate", shots / "builtin-36x24.dng", "-o", out, code=1)
-
-
 def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(tmp_path: Path, out: Path) -> None:
     folder = tmp_path / "photographs"
     folder.mkdir()
@@ -122,16 +108,3 @@ def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_
     assert {Path(name).suffix for name in expand([str(folder)], out)[0]} == {".NEF", ".tif"}
     inspected = run("inspect", folder, "--json", code=0).records
     assert [Path(record["source"]).name for record in inspected] == sorted(f"{stem}.dng" for stem in stems)
-
-
-def test_calibrate_sorts_frames_by_their_names_and_those_of_subfolders(shots: Path, out: Path) -> None:
-    (shots / "linear.dng").unlink()
-    (shots / "sub").rename(shots / "Darks")
-    outcome = run("calibrate", shots, "-o", out / "camera.json")
-    assert f"{shots}/Darks/builtin-36x24.dng: is not dark" in outcome.err
-    assert f"{shots}/builtin-36x24.dng: no ColorChecker" in outcome.err
-    assert f"{shots}: left out notes.txt" in outcome.err
-    (out / "empty").mkdir()
-    for option in ("--dark", "--flat"):
-        outcome = run("calibrate", shots, option, out / "empty", "-o", out / "camera.json")
-        assert (outcome.code, "no .dng file is in this folder or below it" in outcome.err) == (2, True)

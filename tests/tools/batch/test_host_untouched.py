@@ -30,16 +30,18 @@ if __name__ == "__main__":
     import panchroma
     from tests.tools.batch.test_host_untouched import threads_of
     from tools.io.ahead import ahead
-    from tools.batch.processes import Processes
+    from tools.batch.parallel import processes
 
     shot = panchroma.simulate("builtin:200x120", sigma=0.01)
     panchroma.preview(shot)
     panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
     seen.append(surroundings())
     list(ahead(lambda _: seen.append(surroundings()), range(4), 2))
-    for _, result in Processes(2, print, "", threads=3)(threads_of, [1, 2, 3]):
-        seen.append(surroundings())
-        assert result == ["3", "3"], result
+    with processes(2, "", threads=3) as executor:
+        for _, result in executor.run(threads_of, [1, 2, 3], print):
+            seen.append(surroundings())
+            assert result == ["3", "3"], result
+    seen.append(surroundings())
     for each in seen:
         assert each == before, {name: (value, before[name]) for name, value in each.items() if value != before[name]}
     print(len(seen))
@@ -52,4 +54,4 @@ def threads_of(piece: int, listener: StageProgress) -> list[str]:
 
 
 def test_a_program_that_renders_and_starts_processes_is_what_it_was(tmp_path: Path) -> None:
-    assert int(run_python(SCRIPT, tmp_path)) == 8
+    assert int(run_python(SCRIPT, tmp_path)) == 9

@@ -45,7 +45,7 @@ def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
         (InputError("bad.in: is odd"), "panchroma: bad.in: is odd"),
         (OutputError("the disk\n  is full"), "panchroma: bad.in: the disk is full"),
         (MemoryError(), "panchroma: bad.in: not enough memory for a picture of this size"),
-        (IndexError("odd"), "panchroma: bad.in: a fault of Panchroma, please report it: IndexError in work.py:"),
+        (IndexError("odd"), "panchroma: bad.in: a fault of Panchroma, please report it: IndexError in parallel.py:"),
     ],
 )
 def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Said, error: Exception, line: str) -> None:

@@ -9,14 +9,12 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shared import CaptureMetadata, CfaPattern, read_dng
-from shared.dng import decode_preview
+from shared import CfaPattern, read_dng
 from shared.errors import InputError
 from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
@@ -163,48 +161,6 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
         assert words in capture(camera, "-o", out, *wrong, code=2).err
     told = capture(camera, "-o", out, source="genicam:another", code=2).err
     assert "'another' not found; genicam: alone lists the cameras" in told
-
-
-@needs_camera
-def test_the_same_frames_from_every_source_become_the_same_bytes(plug: Plug, tmp_path: Path) -> None:
-    """Only the time differs, and what the camera says of itself."""
-    frame, layout = pack(codes(), "u16"), ["--width", "256", "--height", "192", "--pixel-format", "Mono12", *TILE]
-    (tmp_path / "stream").write_bytes(frame * 3)
-    (tmp_path / "frames").mkdir()
-    for number in range(3):
-        (tmp_path / "frames" / f"{number}.raw").write_bytes(frame)
-    folders = [tmp_path / name for name in ("camera", "folder", "piped")]
-    burst = ["--burst", "3", "-o"]
-    capture(plug(), *TILE, *burst, folders[0], code=0)
-    spawn("capture", tmp_path / "frames", *layout, *burst, folders[1], code=0)
-    with (tmp_path / "stream").open("rb") as stream:
-        spawn("capture", "-", *layout, *burst, folders[2], stdin=stream, code=0)
-    made: list[list[bytes]] = []
-    for folder in folders:
-        pictures = tmp_path / f"{folder.name}-pictures"
-        run("render", folder, "-o", pictures, "-f", "npy", code=0)
-        run("burst", folder, "-o", pictures, "-f", "npy", code=0)
-        mosaics = [read_dng(path) for path in shots(folder)]
-        told = {replace(mosaic.metadata, taken=None) for mosaic in mosaics}
-        assert len(told) == 1
-        assert (told == {CaptureMetadata()}) == (folder is not folders[0])
-        shown = [mosaic.codes.tobytes() + repr((mosaic.pattern, mosaic.calibration)).encode() for mosaic in mosaics]
-        previews = [decode_preview(path.read_bytes()) for path in shots(folder)]
-        made.append([*shown, *previews, *(path.read_bytes() for path in sorted(pictures.glob("*.npy")))])
-    assert len(made[0]) == 3 + 3 + 4
-    assert made[0] == made[1] == made[2]
-
-
-@needs_camera
-def test_the_viewfinder_shows_it(plug: Plug) -> None:
-    camera = plug()
-    process = start("view", SOURCE, "--port", "0", *TILE, before=camera.beside)
-    found = re.search(r"http://\S+/", process.stdout.readline())
-    assert found
-    fetch = "import sys, urllib.request; sys.stdout.buffer.write(urllib.request.urlopen(sys.argv[1]).read(1000))"
-    line = [*camera.beside, sys.executable, "-c", fetch, f"{found[0]}stream.mjpg"]
-    assert b"\xff\xd8\xff" in subprocess.run(line, capture_output=True, check=True, timeout=60).stdout  # a JPEG begins
-    assert "panchroma:" not in ended(process, signal.SIGTERM, code=0).err
 
 
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,13 +6,12 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from shared import CfaPattern, SensorCalibration
+from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
 from shared.tiles import TILES, letters_of
 from tests.data import photograph
 from tests.scenes import leaves
 from tools.capture.identity import DENSE, UNKNOWN, identify, pattern_of
-from tools.simulation.sensor import simulate_additive
 
 SCENE = leaves(160, 216)
 LARGE = leaves(256, 320)
@@ -102,13 +101,6 @@ def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) ->
         assert len(tile) > 6 or UNKNOWN not in "".join(identity.tile)
 
 
-@pytest.mark.parametrize("size", [(159, 215), (131, 211), (160, 199)])
-def test_frames_of_any_size_begin_anywhere_in_the_tile(size: tuple[int, int]) -> None:
-    frame = taken(SCENE, tile_of("Sony"))[-size[0] :, -size[1] :]
-    origin = tuple(now - before for now, before in zip(size, SCENE.shape[:2], strict=True))
-    assert same_sites(identify(frame).tile, tile_of("Sony", (origin[0], origin[1])))
-
-
 def test_black_level_and_gain_do_not_matter() -> None:
     frame = taken(SCENE, tile_of("Kodak", (1, 2)))
     assert identify(frame * 8 + 3000).tile == identify(frame).tile == identify(frame // 8).tile
@@ -120,14 +112,6 @@ def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None
     identity = identify(taken(grey, tile_of("paper", (1, 4))))
     assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
     assert pattern_of(identity.tile) is None
-
-
-def test_a_simulated_sensor_is_recognised_up_to_the_exchange_of_colours() -> None:
-    pattern = CfaPattern.of_letters("honda", (3, 2))
-    shot = simulate_additive(SCENE, pattern, SensorCalibration.of_bits(12), 0.01, np.random.default_rng(0))
-    identity = identify(shot.codes)
-    exchanged = tuple(row.translate(str.maketrans("RB", "BR")) for row in pattern.letters_from())
-    assert identity.tile in (pattern.letters_from(), exchanged)
 
 
 GREY = (256 + 3000 * SCENE.mean(axis=2)).astype(np.uint16)

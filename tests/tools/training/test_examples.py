@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern
-from tools.training.drawings import SIZE, colour, drawing
-from tools.training.examples import DRAWN, load_example, make_example, save_example, varied
+from tools.training.drawings import SIZE, drawing
+from tools.training.examples import DRAWN, load_example, make_example, save_example
 
 SMALL = "builtin:200x150"
 PAPER = CfaPattern.bayer(6)
@@ -32,25 +32,6 @@ def test_picture_and_truth_show_the_same_place(period: int) -> None:
         assert here < 0.5 * float(np.square(np.roll(picture, shift, (1, 2)) - truth).mean())
 
 
-def test_what_was_missed_at_the_sites_leads_to_the_truth() -> None:
-    """Without noise, red sample = truth; so the error at the red site is truth minus the picture before it was corrected."""
-    seed = next(number for number in range(50) if not make_example(SMALL, PAPER, (0, number)).variance.any())
-    found = make_example(SMALL, PAPER, (0, seed))
-    rows, columns = found.error.shape[1:]
-    cells = np.stack([plane.astype(np.float64).reshape(rows, 6, columns, 6) for plane in found.truth - found.picture])
-    left = [cells[0, :, 2, :, 2], cells[1, :, 2, :, 3], cells[1, :, 3, :, 2], cells[2, :, 3, :, 3]]
-    # The picture was corrected by the samples: there is next to nothing left at the sites, however much there was.
-    assert max(float(np.abs(each).mean()) for each in left) < 0.2 * float(np.abs(found.error.astype(np.float64)).mean()) + 1e-3
-
-
-def test_variations_are_light_and_differ() -> None:
-    scene = np.random.default_rng(0).uniform(0, 1, (40, 50, 3)).astype(np.float32)
-    found = [varied(scene, np.random.default_rng(seed)) for seed in range(12)]
-    assert {each.shape for each in found} == {(40, 50, 3), (50, 40, 3)}
-    assert all(each.min() >= 0 and np.isfinite(each).all() for each in found)
-    assert len({each.tobytes() for each in found}) == len(found)
-
-
 def test_an_example_survives_the_disk(tmp_path: Path) -> None:
     found, path = make_example(SMALL, CfaPattern.bayer(4), (3,)), tmp_path / "0-00000.npz"
     save_example(found, path)
@@ -65,12 +46,3 @@ def test_drawings_are_light() -> None:
         assert found.shape == (SIZE, SIZE, 3)
         assert found.dtype == np.float32
         assert 0 < found.min() <= found.max() <= 1.001
-
-
-def test_colours_are_grey_saturated_or_between() -> None:
-    random = np.random.default_rng(0)
-    found = np.array([colour(random) for _ in range(600)])
-    saturation = 1 - found.min(axis=1) / found.max(axis=1)
-    assert 0.2 < (saturation == 0).mean() < 0.45
-    assert (saturation > 0.8).mean() > 0.2
-    assert (found > 0).all()

@@ -222,8 +222,8 @@ def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...]
         run.train(run.Plan(photographs, CfaPattern.bayer(4), 1, variants=1, patch=200), tmp_path, 1, SILENT, lambda _: None)
     for options, answer in (
         ([], "0 photographs found; at least 20 are needed"),
-        (["--pattern", "RGBW/WWWW/WWWW/WWWW"], "--pattern: RGBW/WWWW/WWWW/WWWW has no square block of red, green and blue"),
-        (["--pattern", "RGGB"], "--pattern: the tile has no panchromatic pixel (W)"),
+        (["--pattern", "RGBW/WWWW/WWWW/WWWW"], "pattern: RGBW/WWWW/WWWW/WWWW has no square block of red, green and blue"),
+        (["--pattern", "RGGB"], "pattern: the tile has no panchromatic pixel (W)"),
     ):
         refused = subprocess.run(
             [sys.executable, "-m", "tools.training", str(tmp_path), "-o", str(tmp_path / "out"), *options],

@@ -1,0 +1,152 @@
+"""Work in parallel: each item once, a dead process costs one, none left behind; and several commands in one folder."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from offline import PAPER
+from shared import read_dng
+from shared.errors import InputError, PanchromaError
+from tests.tools.batch.examples import save_shot
+from tests.tools.command import contents, ended, results, run, start
+from tools.batch.checks import needed_memory
+from tools.batch.console import Console, WorkerFault, fault
+from tools.batch.journal import NAME
+from tools.batch.parallel import duration, follow, one_by_one, processes
+from tools.batch.progress import Note, StageProgress
+from tools.io.kind import PictureKind
+
+
+def double(item: int, listener: StageProgress) -> tuple[int, int]:
+    listener.note(f"at {item}")
+    if item < 0:
+        raise InputError("is negative")
+    if item == 0:
+        raise MemoryError
+    return 2 * item, os.getpid()
+
+
+def odd(item: int, listener: StageProgress) -> int:
+    return [0][item]
+
+
+def die(item: int, listener: StageProgress) -> int:
+    if item == 5:
+        time.sleep(0.2)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+def linger(folder: Path, item: int, listener: StageProgress) -> None:
+    (folder / f"{os.getpid()}.begun").touch()
+    time.sleep(60)
+
+
+def pool(function: Callable[[Any, StageProgress], Any], items: Iterable[Any], note: Note = print) -> Iterator[tuple[Any, Any]]:
+    with processes(2, "use fewer `jobs`") as executor:
+        yield from executor.run(function, list(items), note)
+
+
+def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -> None:
+    notes: list[str] = []
+    found = dict(pool(double, range(-1, 20), notes.append))
+    assert (str(found.pop(-1)), type(found.pop(0))) == ("is negative", MemoryError)
+    assert {item: result[0] for item, result in found.items()} == {item: 2 * item for item in range(1, 20)}
+    used = {result[1] for result in found.values()}
+    assert os.getpid() not in used
+    assert len(used) <= 2
+    assert sorted(notes) == sorted(f"at {item}" for item in range(-1, 20))
+
+
+def test_a_process_that_is_killed_costs_one_item() -> None:
+    found = dict(pool(die, range(8)))
+    killed = found.pop(5)
+    assert found == {item: item for item in range(8) if item != 5}
+    assert isinstance(killed, PanchromaError)
+    assert str(killed) == ("its process was killed, most likely for want of memory; use fewer `jobs`")
+
+
+def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for verbose in (False, True):
+        console = Console(verbose=verbose)
+        for _, error in pool(odd, [1, 2, 3]):
+            assert isinstance(error, WorkerFault)
+            assert "parallel.py" in str(error)
+            console.error(fault(error), cause=error)
+        shown = capsys.readouterr().err
+        assert (shown.count("Traceback"), shown.count(", in odd")) == (verbose, verbose)
+        assert shown.count("please report it: IndexError in ") == 3
+
+
+def test_leaving_early_ends_all_processes(tmp_path: Path) -> None:
+    """As an interrupt does."""
+
+    class Enough(Exception):  # noqa: N818
+        pass
+
+    def when_both_work(number: int, frame: object) -> None:
+        if len(list(tmp_path.glob("*.begun"))) == 2:
+            raise Enough
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+
+    before = signal.signal(signal.SIGALRM, when_both_work)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        with pytest.raises(Enough):
+            list(pool(partial(linger, tmp_path), [1, 2]))
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    for path in tmp_path.glob("*.begun"):
+        assert not Path(f"/proc/{path.stem}").exists()
+
+
+def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == [
+        "1 s", "40 s", "12 min", "3 h 20 min",
+    ]  # fmt: skip
+    times, said = iter([0.0, 40.0, 50.0]), list[str]()
+    monkeypatch.setattr("tools.batch.parallel.time.monotonic", lambda: next(times))
+    monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
+    results = one_by_one(lambda item, _: -item, [4, 5, 1], lambda _: StageProgress())
+    assert dict(follow(results, [4, 5, 1], StageProgress(), length=float)) == {4: -4, 5: -5, 1: -1}
+    assert said == [
+        "1 of 3 done, about 60 s left", "2 of 3 done, about 6 s left", "3 of 3 done",
+    ]  # fmt: skip
+
+
+def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: Path) -> None:
+    shots = [save_shot(tmp_path / "shots" / f"{seed}.dng", seed) for seed in range(3)]
+    shots.append(save_shot(tmp_path / "shots" / "large.dng", 9, (1200, 1200)))
+    (tmp_path / "shots" / "bad.dng").write_text("no picture")
+    small, large = (needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER) for shot in (shots[0], shots[-1]))
+    before = contents(tmp_path / "shots")
+    for jobs, limit in (("1", 3 * large), ("2", 3 * large), ("3", large + small)):
+        options = ("--workers", jobs, "--max-memory", str(limit), "-f", "npy", "--preset", "paper")
+        outcome = run("render", tmp_path / "shots", "-o", tmp_path / jobs, "--json", *options, code=1)
+        assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
+        assert len(outcome.errors) == 1
+        assert ("memory is enough for 1 at a time" in outcome.err) == (limit < 2 * large)
+    one, two, limited = ({name: data for name, data in contents(tmp_path / jobs).items() if name != NAME} for jobs in "123")
+    assert one == two == limited
+    assert len(one) == len(shots)
+    assert contents(tmp_path / "shots") == before
+
+
+def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path, out: Path) -> None:
+    count = 12
+    for seed in range(count):
+        save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
+    running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--workers", "1") for _ in range(3)]
+    records = [record for process in running for record in ended(process, code=0).records]
+    made = [record["output"] for record in records if not record.get("current")]
+    assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))
+    assert results(out) == {f"{seed}.tif" for seed in range(count)}
+    assert len((out / NAME).read_text().splitlines()) == count

@@ -1,0 +1,215 @@
+"""Call a function for many items: one after the other, in threads, or by an executor (`processes`, `cluster.cluster`).
+
+Each way yields (item, result or exception) as items finish: an item that fails does not stop the others.
+"""
+
+import multiprocessing
+import os
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from .console import StandardOutputError, WorkerFault, fault, note_warnings, traceback_of
+from .signals import raise_lost_signal
+
+if TYPE_CHECKING:  # it loads NumPy, before a worker process has set the number of its threads
+    from .progress import Note, StageProgress
+
+P = TypeVar("P")
+R = TypeVar("R")
+Function = Callable[[P, "StageProgress"], R]
+"""Called with an item and a listener, which takes the stages and notes of the item."""
+Results = Iterator[tuple[P, R | Exception]]
+"""(item, what the function returned, or the exception that it raised)."""
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "PANCHROMA_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
+"""Environment variables that numerical libraries read when they are loaded."""
+_ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+_AHEAD = 1000  # calls submitted at a time: there may be a million items
+_STEPS = 10  # of a progress bar per unit of length
+
+
+def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]") -> "Results[P, R]":
+    """Call the function in this thread. listen: makes the listener of an item, for a `with` block."""
+    for item in items:
+        raise_lost_signal()
+        with listen(item) as listener:
+            result = _result_or_error(function, item, listener)
+        yield item, result
+
+
+def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note: "Note") -> "Results[P, R]":
+    """Call the function in threads; yields in the order of the items. note: called with each note of an item."""
+    from tools.io.ahead import ahead
+
+    from .progress import StageProgress
+
+    results = ahead(lambda item: _result_or_error(function, item, StageProgress(note=note)), items, count)
+    yield from zip(items, results, strict=True)
+
+
+@dataclass(frozen=True)
+class Executor:
+    """Runs functions elsewhere; functions, items and results are pickled.
+
+    submit: called with function and item; the future's result is (result or exception, notes).
+    killed: exceptions of a future whose worker died.
+    remedy: what the user can do about a killed worker.
+    """
+
+    submit: Callable[[Any, Any], "Future[tuple[Any, list[str]]]"]
+    killed: tuple[type[Exception], ...]
+    remedy: str
+
+    def run(self, function: "Function[P, R]", items: Sequence[P], note: "Note") -> "Results[P, R]":
+        """Call the function for each item. An item whose worker died ends with an InputError.
+
+        function: of a module, or a `partial` of one.
+        note: called in this thread with each note of an item.
+        """
+        from shared.errors import InputError
+
+        waiting = iter(items)
+        running: dict[Future[tuple[Any, list[str]]], P] = {}
+        while True:
+            for item in islice(waiting, _AHEAD - len(running)):
+                running[self.submit(function, item)] = item
+            if not running:
+                return
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            raise_lost_signal()
+            for future in done:
+                item = running.pop(future)
+                notes: list[str] = []
+                try:
+                    result, notes = future.result()
+                except self.killed:
+                    result = InputError(f"its process was killed, most likely for want of memory; {self.remedy}")
+                for text in notes:
+                    note(text)
+                yield item, result
+
+
+@contextmanager
+def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
+    """Start processes of this machine, which end with the `with` block, whatever they are at.
+
+    count: of processes. A process that dies is replaced.
+    remedy: see `Executor`.
+    threads: of the numerical libraries in each process.
+    """
+    from pebble import ProcessExpired, ProcessPool
+
+    from shared.errors import InputError
+
+    before = set(multiprocessing.active_children())
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn)
+    try:
+        with _blocked_signals():
+            pool.active  # noqa: B018  starts it
+        yield Executor(lambda function, item: pool.schedule(call, (function, item)), (ProcessExpired,), remedy)
+    except BrokenProcessPool:
+        raise InputError(f"processes are killed as soon as they start; {remedy}") from None
+    finally:
+        pool.stop()
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()  # all at once: the pool would wait for one after the other
+        pool.join()
+
+
+@contextmanager
+def _blocked_signals() -> Iterator[None]:
+    """Block signals in this thread, and in all threads and processes that are started in the `with` block.
+
+    An interrupt at a terminal goes to all processes: one that is still importing would show a traceback.
+    """
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # when it starts, it unblocks SIGINT in Python 3.11
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(threads: int) -> None:
+    """Prepare a worker process, before it loads a numerical library."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # by which the pool stops it
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
+
+
+def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
+    """In a worker: (result or exception, notes). The exception of a fault carries its traceback as text."""
+    from shared.errors import PanchromaError
+
+    from .progress import StageProgress
+
+    notes: list[str] = []
+    with warnings.catch_warnings():
+        note_warnings(notes.append)
+        result = _result_or_error(function, item, StageProgress(note=notes.append))
+    if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
+        result = WorkerFault(fault(result), traceback_of(result))
+    return result, notes
+
+
+def _result_or_error(function: "Function[P, R]", item: P, listener: "StageProgress") -> R | Exception:
+    """Call the function; return its result, or the exception that it raises.
+
+    Only an unwritable standard output is raised, and what is no `Exception`: an interrupt.
+    """
+    try:
+        return function(item, listener)
+    except StandardOutputError:
+        raise
+    except Exception as error:
+        return error
+
+
+def follow(
+    results: "Results[P, R]",
+    items: Sequence[P],
+    progress: "StageProgress",
+    name: str = "",
+    length: Callable[[P], float] = lambda _: 1.0,
+) -> "Results[P, R]":
+    """Yield the results, and show how far the whole is and how long the rest will take.
+
+    name: of the stage; "" = no name.
+    length: of an item, in any unit.
+    """
+    whole, done, start = sum(map(length, items)), 0.0, time.monotonic()
+    progress.stage(name, round(_STEPS * whole))
+    for number, (item, result) in enumerate(results, 1):
+        done += length(item)
+        progress.advance(round(_STEPS * length(item)))
+        remark = f"{number} of {len(items)} done"
+        if number < len(items) and done:
+            left = (time.monotonic() - start) * max(whole - done, 0) / done
+            remark += f", about {duration(left)} left"
+        progress.remark(remark)
+        yield item, result
+
+
+def duration(seconds: float) -> str:
+    """Format a time for people: "40 s", "12 min", "3 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02} min"
