@@ -21,7 +21,7 @@ from tools.batch.jobs import FAILED, output_folder, refuse_existing
 from tools.batch.memory import allowed_memory
 from tools.commands.font_folder import temporary_font_folder
 from tools.evaluation.figures import Figures
-from tools.evaluation.report import plain_text
+from tools.evaluation.tables import plain_text
 from tools.io.versions import program_version
 from tools.simulation.pattern_text import read_pattern
 
@@ -65,12 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.batch.html import without_folders
-    from tools.evaluation.page.gallery import render_gallery
-    from tools.evaluation.page.page import build_page
+    from tools.evaluation.crops import render_crops
+    from tools.evaluation.page import build_page
     from tools.evaluation.study import FOLDER, Cache, collect, tasks
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
+    from tools.io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
         Cache(folder / FOLDER).remove([cell.name for cell in study.cells()])
-    temporary_font_folder()  # a rival's package imports matplotlib
+    temporary_font_folder()  # matplotlib draws the plots
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     page = b""
     if not arguments.no_page:
         try:
-            exhibits = render_gallery(figures, team)
+            exhibits = render_crops(figures, team)
         except InputError as error:  # a file that has changed since it was measured
             console.error(str(error))
             failures, exhibits = [*failures, str(error)], []
@@ -164,9 +164,9 @@ def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") ->
 def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
     for task in todo:
+        cell = task.cell
         console.say(task.title)
-        for cell in task.cells:
-            facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
-            console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
-    console.say(f"{sum(len(task.cells) for task in todo)} results to make, {there} kept from an earlier run")
+        facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
+        console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
+    console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0

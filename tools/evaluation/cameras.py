@@ -1,7 +1,7 @@
 """Both cameras in front of one scene at one noise level: their shots, and the pictures that methods make of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,6 @@ from tools.simulation.simulated_camera import SimulatedCamera
 from .tiles import filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
-Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
 
 
 def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
@@ -46,7 +45,6 @@ class CameraPair:
     neutral: tuple[float, ...] | None
     part: tuple[slice, slice] = (slice(None), slice(None))
     channels: str = RGB
-    _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
         """Render the sparse-colour shot. Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
@@ -59,12 +57,6 @@ class CameraPair:
         if np.array_equal(mixing, np.eye(len(self.channels))):
             return picture
         return (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
-
-    def denoised(self, denoise: Denoise) -> BayerShot:
-        """The Bayer shot with its samples denoised; they are kept for the next method that uses them."""
-        if denoise not in self._denoised:
-            self._denoised[denoise] = denoise(self.bayer.samples, self.bayer.shot, self.bayer.read)
-        return replace(self.bayer, samples=self._denoised[denoise])
 
     @property
     def white(self) -> FloatArray:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from shared.arrays import FloatArray
 from shared.errors import InputError, OutputError, PanchromaError
@@ -20,8 +20,7 @@ from tools.simulation.protocols import Protocol
 from .cameras import CameraPair
 from .measures import Measures
 from .method import Method
-from .methods import Networks, choose, method_of, methods
-from .rivals.denoising import SECONDS as DENOISING_SECONDS
+from .methods import Networks, find_method
 from .scene_sets import Reading, SceneInfo
 from .tiles import Tile, filters_of
 
@@ -127,6 +126,10 @@ class Study:
         """Light that a pattern collects, as a multiple of a Bayer sensor's, of the first scene that it can photograph."""
         return next((tile.light(scene.channels) for scene in self.scenes if tile.sees(scene.channels)), None)
 
+    def method(self, name: str) -> Method:
+        """One of the methods."""
+        return find_method(name, self.networks)
+
     @property
     def ours(self) -> str | None:
         """The method that represents us: the best renderer in the study."""
@@ -135,35 +138,26 @@ class Study:
     @property
     def rivals(self) -> list[str]:
         """Methods of the Bayer sensor."""
-        return [name for name in self.methods if not methods()[name].sparse]
+        return [name for name in self.methods if not self.method(name).ours]
 
-    def tile_of(self, method: str, tile: Tile | None = None) -> Tile | None:
-        """The pattern of the shots that a method renders, by default the study's own; None for a Bayer camera's method."""
-        return (tile or self.tile) if methods()[method].sparse else None
-
-    @property
-    def periods(self) -> tuple[int, ...]:
-        """K of those patterns that are the paper's, rising."""
-        return tuple(tile.period for tile in self.tiles if tile.period)
+    def cameras(self, method: str) -> tuple[Tile | None, ...]:
+        """The patterns whose shots a method renders; (None,) for a Bayer camera's method."""
+        return self.tiles if self.method(method).ours else (None,)
 
     def cells(self) -> Iterator[Cell]:
         """Every result, in the order of the report; a scene is left out for cameras whose filters it has no channels for."""
         for scene in self.scenes:
             for level in self.levels:
-                for method in choose(list(self.methods)):
-                    for tile in self.cameras(method):
+                for name in self.methods:
+                    for tile in self.cameras(name):
                         if can_photograph(tile, scene.channels):
-                            yield self.cell(scene, level, method, tile)
-
-    def cameras(self, method: Method) -> tuple[Tile | None, ...]:
-        """The patterns whose shots a method renders; (None,) for a Bayer camera's method."""
-        return self.tiles if method.sparse else (None,)
+                            yield name_cell(scene, level, self.method(name), tile, self.seed)
 
     def remarks(self) -> tuple[list[str], list[str]]:
         """What the user should know about filters that are made from others, and which scenes a camera cannot photograph."""
         made, found, by_channels = [], [], {scene.channels: scene.name for scene in self.scenes}
         for channels, name in by_channels.items():
-            if channels != RGB and any(not methods()[method].sparse for method in self.methods):
+            if channels != RGB and self.rivals:
                 found.append(f"scenes with the channels {channels}, such as {name}: no Bayer camera photographs them")
             for tile in self.tiles:
                 try:
@@ -172,28 +166,21 @@ class Study:
                     found.append(f"{name}, and others with these channels, without {tile.name}: {error}")
         return made, found
 
-    def cell(self, scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None) -> Cell:
-        """One result, with its name in the cache. tile: None for a Bayer camera's method."""
-        return _cell(scene, level, method, tile, self.seed)
 
-
-def _cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
-    neutral = scene.neutral if method.balanced else None
-    name = result_name(method, level, tile, seed, scene=scene.digest, channels=scene.channels, neutral=neutral)
-    return Cell(scene, level, method.name, tile, f"{name}.npz")
-
-
-def result_name(method: Method, level: Protocol, tile: Tile | None, seed: int, **scene: Any) -> str:
-    """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
+def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
+    """One result, with its name in the cache, a digest of all it depends on. tile: None for a Bayer camera's method."""
     parts = {
         "measuring": MEASURING,
         "protocol": level.identity,
         "level": level.level,
         "seed": seed if level.noisy else 0,  # without noise any seed is the same
         "pattern": asdict(tile.pattern) if tile else None,
+        "scene": scene.digest,
+        "channels": scene.channels,
+        "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(parts | method.identity | scene, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    text = json.dumps(parts | method.identity, sort_keys=True)
+    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz")
 
 
 def can_photograph(tile: Tile | None, channels: str) -> bool:
@@ -203,9 +190,9 @@ def can_photograph(tile: Tile | None, channels: str) -> bool:
 
 @dataclass(frozen=True)
 class Task:
-    """Results that one process makes one after the other, because they share their preparation."""
+    """The work for one result, in any process."""
 
-    cells: tuple[Cell, ...]
+    cell: Cell
     seed: int
     reading: Reading
     folder: Path
@@ -214,17 +201,13 @@ class Task:
     @property
     def seconds(self) -> float:
         """Rough duration on one core: the share of a task in the work, for the time left. It foretells nothing by itself."""
-        chosen = [methods()[cell.method] for cell in self.cells]
-        once = max(0, sum(method.denoise is not None for method in chosen) - 1)  # denoised samples are kept for the next method
-        each = sum(method.seconds + _SECONDS for method in chosen)
-        return (each - once * DENOISING_SECONDS) * self.cells[0].scene.megapixels
+        return (find_method(self.cell.method, self.networks).seconds + _SECONDS) * self.cell.scene.megapixels
 
     @property
     def title(self) -> str:
         """Name for people."""
-        first = self.cells[0]
-        names = " ".join(dict.fromkeys(cell.method + (f" {cell.pattern}" if cell.tile else "") for cell in self.cells))
-        return f"{first.scene.name}, {first.level.text}: {names}"
+        pattern = f" {self.cell.pattern}" if self.cell.tile else ""
+        return f"{self.cell.scene.name}, {self.cell.level.text}: {self.cell.method}{pattern}"
 
 
 def tasks(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Task], int]:
@@ -237,62 +220,49 @@ def tasks(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Task]
     for cell in study.cells():
         distinct.setdefault(cell.name, cell)
     missing = [cell for cell in distinct.values() if anew or cache.get(cell.name, Measures.decode) is None]
-    todo: dict[tuple[str, Protocol, str], list[Cell]] = {}
-    for cell in missing:
-        shared = "bm3d" if methods()[cell.method].denoise else cell.name
-        todo.setdefault((cell.scene.digest, cell.level, shared), []).append(cell)
-    pieces = [Task(tuple(cells), study.seed, study.reading, folder, study.networks) for cells in todo.values()]
-    return pieces, len(distinct) - len(missing)
+    todo = [Task(cell, study.seed, study.reading, folder, study.networks) for cell in missing]
+    return todo, len(distinct) - len(missing)
 
 
 def work(task: Task) -> list[str]:
-    """Make and keep the results of a task. Raises OutputError when they cannot be kept.
+    """Make and keep the result of a task. Raises OutputError when it cannot be kept.
 
-    Returns a line for each that failed, and one for a file that is no longer what its results are named after.
+    Returns a line if it failed, or if a file is no longer what the result is named after.
     """
-    cache = Cache(task.folder / FOLDER)
-    failures = []
-    for cell in task.cells:
-        place = ""
-        try:
-            truth = _truth(cell, task)
-            place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
-            picture = render_cell(cell, task.seed, task.reading)
-            measures = Measures.of(picture, truth, cell.scene.channels)
-        except PanchromaError as error:
-            failures.append(f"{place}{error}")
-        except MemoryError:
-            failures.append(f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size")
-        else:
-            cache.put(cell.name, measures.encode())
-    return list(dict.fromkeys(failures))
+    cell, place = task.cell, ""
+    try:
+        method, truth = _checked(task)
+        place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
+        picture = method.render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), task.seed, task.reading))
+        measures = Measures.of(picture, truth, cell.scene.channels)
+    except PanchromaError as error:
+        return [f"{place}{error}"]
+    except MemoryError:
+        return [f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size"]
+    Cache(task.folder / FOLDER).put(cell.name, measures.encode())
+    return []
 
 
-def _truth(cell: Cell, task: Task) -> FloatArray:
-    """The light of a result's scene, as it is read here and now. Raises InputError, naming the file, unless the result is named
-    after what is read, and after the method that is used here.
+def _checked(task: Task) -> tuple[Method, FloatArray]:
+    """The method of a task, and the light of its scene, as they are here and now.
+
+    Raises InputError, naming the file, unless they are what the result is named after.
     """
-    method = method_of(cell.method, task.networks)
-    if _cell(cell.scene, cell.level, method, cell.tile, task.seed) != cell:
+    cell = task.cell
+    method = find_method(cell.method, task.networks)
+    if name_cell(cell.scene, cell.level, method, cell.tile, task.seed) != cell:
         packages = ", ".join(("Panchroma", *method.packages))
         raise InputError(f"{cell.method}: the process that measures has other versions of {packages}; install the same ones")
     try:
-        return task.reading.scene(cell.scene.source, cell.scene.digest).rgb
+        return method, task.reading.scene(cell.scene.source, cell.scene.digest).rgb
     except InputError as error:
         raise InputError(f"{cell.scene.source}: {error}") from None
 
 
-def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
-    """The picture behind a result, float32 (H, W, N), scene units, and what it states (see `Method.render`)."""
-    cameras = _cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), seed, reading)
-    return methods()[cell.method].render(cameras)
-
-
-@lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
+@lru_cache(maxsize=1)  # methods that come one after the other share their shots
 def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading) -> CameraPair:
-    return CameraPair(
-        level, seed, reading.scene(scene.source, scene.digest).rgb, tile.pattern, scene.neutral, channels=scene.channels
-    )
+    light = reading.scene(scene.source, scene.digest).rgb
+    return CameraPair(level, seed, light, tile.pattern, scene.neutral, channels=scene.channels)
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:

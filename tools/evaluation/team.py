@@ -79,7 +79,7 @@ class Team:
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
         """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
-        pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
+        pixels = max((task.cell.scene.rows * task.cell.scene.columns for task in todo), default=0)
         found = self.together("measuring", work, todo, pixels, lambda task: task.seconds)
         failures = list(dict.fromkeys(line for lines in found for line in lines))
         for line in failures:

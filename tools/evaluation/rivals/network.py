@@ -31,6 +31,7 @@ _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise
 _LARGEST = 1 << 30  # bytes of a file
 # Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key "location", value below 128 bytes.
 _BESIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
+_UNPRINTABLE = re.compile(r"[^\w .+()-]")  # in names of methods, which plots and tables show
 _DARK = 1e-3  # share of white: nearer to black the code is so steep that no network knows the noise there
 ENDING = ".onnx"
 CHANGED = "has changed since the evaluation began; run it again"
@@ -107,14 +108,13 @@ def network(path: str) -> Method:
     except (InputError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{said}: does not say how the network is fed: {error}") from error
     version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
-    name = f"{Path(path).stem}-{version[:8]}"
+    name = f"{_UNPRINTABLE.sub('_', Path(path).stem)}-{version[:8]}"
     return Method(
         name,
         f"Bayer, {name}",
         partial(_demosaicked, path, content, contract),
         version,
         balanced=contract.balanced,
-        whole_shot=True,
         packages=("onnxruntime",),
         seconds=10,
         file=path,

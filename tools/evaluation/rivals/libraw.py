@@ -1,12 +1,10 @@
-"""Rivals that take 16-bit integers: LibRaw, the code behind nearly every free raw developer and many viewers, and OpenCV.
+"""DCB by LibRaw, the code behind nearly every free raw developer and many viewers.
 
-Each `demosaic` function makes a picture, float32 (H, W, 3), of a Bayer mosaic (H, W), both in scene units. Codes have a pedestal,
-so that noise below black or above white is not clipped.
+LibRaw takes 16-bit integers. Codes have a pedestal, so that noise below black or above white is not clipped.
 """
 
 import io
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,15 +13,11 @@ from numpy.typing import NDArray
 from shared.arrays import FloatArray
 from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from shared.tiff import FieldType
-from tools.io.versions import package_version
 from tools.simulation.bayer import ORDER
+from tools.simulation.protocols.protocol import BayerShot
 
+from ..cameras import with_balance
 from ..method import Method
-
-LIBRAW = ("ahd", "dcb", "dht", "aahd")
-"""LibRaw's algorithms."""
-# Distributions that all install the module cv2.
-_OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
 
 
 @dataclass(frozen=True)
@@ -50,16 +44,10 @@ class Levels:
         return ((codes - np.float32(self.black)) / np.float32(self.white - self.black)).astype(np.float32)
 
 
-def demosaic_libraw(mosaic: FloatArray, algorithm: str) -> FloatArray:
-    """LibRaw's picture of a Bayer DNG in memory. algorithm: one of LIBRAW. LibRaw refuses frames smaller than 22 x 22."""
+def demosaic_libraw(mosaic: FloatArray) -> FloatArray:
+    """DCB's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), scene units. LibRaw refuses frames smaller than 22 x 22."""
     levels = Levels.around(mosaic)
-    return levels.decode(develop(encode_bayer_dng(levels.encode(mosaic)), algorithm))
-
-
-def demosaic_opencv(mosaic: FloatArray) -> FloatArray:
-    """OpenCV's edge-aware interpolation."""
-    levels = Levels.around(mosaic)
-    return levels.decode(edge_aware(levels.encode(mosaic)))
+    return levels.decode(develop(encode_bayer_dng(levels.encode(mosaic)), "DCB"))
 
 
 def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
@@ -68,7 +56,7 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
 
     with rawpy.imread(io.BytesIO(data)) as raw:
         developed: Any = raw.postprocess(
-            demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm.upper()],
+            demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm],
             output_bps=16,
             gamma=(1, 1),
             output_color=rawpy.ColorSpace.raw,
@@ -86,7 +74,7 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535, camera colours are those of sRGB."""
     from tifffile import imwrite
 
-    # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and needs a matrix.
+    # XYZ -> linear sRGB (IEC 61966-2-1), under D65: a DNG needs a matrix.
     matrix = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057)
     fields = (
         (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
@@ -103,20 +91,8 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     return file.getvalue()
 
 
-def edge_aware(codes: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """OpenCV's edge-aware interpolation itself: 16-bit codes (H, W) to (H, W, 3)."""
-    import cv2
-
-    # The old name of RGGB, which every version has: that of the second and third pixel of the second row.
-    return np.asarray(cv2.demosaicing(codes, cv2.COLOR_BayerBG2RGB_EA), np.uint16)
+def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
+    return with_balance(demosaic_libraw, shot.samples, white)
 
 
-_INSTALLED = next((name for name in _OPENCV if package_version(name)), _OPENCV[0])
-_LIBRAW = {name: partial(demosaic_libraw, algorithm=name) for name in LIBRAW}
-METHODS = (
-    *(
-        Method(name, f"Bayer, LibRaw {name.upper()}", function, balanced=True, packages=("rawpy",), seconds=0.2)
-        for name, function in _LIBRAW.items()
-    ),
-    Method("ea", "Bayer, OpenCV edge-aware", demosaic_opencv, packages=(_INSTALLED,), seconds=0.05),
-)
+METHODS = (Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",), seconds=0.2),)
