@@ -28,7 +28,7 @@ from tools.simulation.pattern_text import read_pattern
 from .options import add, add_protocol, count, option, protocol_of, uses_scheduler
 
 if TYPE_CHECKING:
-    from tools.evaluation.study import Study, Task
+    from tools.evaluation.study import Cell, Study
     from tools.evaluation.team import Team
     from tools.evaluation.tiles import Tile
 
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
     from tools.evaluation.crops import render_crops
     from tools.evaluation.page import build_page
-    from tools.evaluation.study import FOLDER, Cache, collect, tasks
+    from tools.evaluation.study import collect, missing_cells, remove_results
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
     from tools.io.page import without_folders
@@ -81,16 +81,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder, anew=arguments.overwrite)
+    todo, there = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
-        Cache(folder / FOLDER).remove([cell.name for cell in study.cells()])
+        remove_results(study, folder)
     temporary_font_folder()  # matplotlib draws the plots
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
-        failures += _measure(arguments, team, todo)
+        failures += _measure(arguments, team, study, folder, todo)
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
@@ -131,15 +131,13 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     tiles = _tiles(arguments)
-    channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
-    reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
+    reading = Reading(arguments.linear, arguments.crop)
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
     names = tuple(each.name for each in methods)
     networks = tuple((each.name, each.file) for each in methods if each.file)
     study = Study(tuple(scenes), names, levels, tiles, arguments.seed, reading, networks)
-    made, without = study.remarks()
-    console.note(*made, *without)
-    return study, failures, [*left_out, *without]
+    console.note(*study.remarks())
+    return study, failures, left_out
 
 
 def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
@@ -154,19 +152,18 @@ def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
     return chosen_tiles(periods, others)
 
 
-def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
+def _measure(arguments: argparse.Namespace, team: "Team", study: "Study", folder: Path, todo: "list[Cell]") -> list[str]:
     if not (uses_scheduler(arguments) and todo):
-        return team.measure(todo)
+        return team.measure(study, folder, todo)
     with connected(arguments.scheduler, arguments.scheduler_file) as client:
-        return replace(team, client=client).measure(todo)
+        return replace(team, client=client).measure(study, folder.absolute(), todo)
 
 
-def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
+def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
-    for task in todo:
-        cell = task.cell
-        console.say(task.title)
-        facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
+    for cell in todo:
+        console.say(cell.title)
+        facts = {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
         console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
     console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0

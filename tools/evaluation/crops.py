@@ -1,6 +1,6 @@
 """Small squares of the scenes, after the paper's Fig. 4: where ours and the best rival differ most, and our worst places."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import lcm, log2
@@ -9,14 +9,12 @@ import numpy as np
 
 from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError
 from tools.io.display import ColourTransform
 from tools.io.samples import quantise
-from tools.io.scene import RGB as RGB_CHANNELS
 from tools.simulation.protocols import Protocol
 
 from .cameras import CameraPair
-from .figures import RGB, Figures
+from .figures import RGB, Figures, Place
 from .measures import WINDOW, window_origins
 from .metrics import BORDER, whole_psnr
 from .scene_sets import SceneInfo
@@ -29,8 +27,10 @@ _HALO = 96  # pixels around a crop that are rendered with it and cut off: beyond
 _WORST = 3  # crops of the worst places at each level, by each measure
 _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
 _MOST_STOPS = 6.0
-_CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # brightness that this quantile of a crop is shown with at most
+_CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # the same of a crop, at most
+_DARKEST = 1e-6  # scene units
 
+Psnr = tuple[float, float, float]
 AHEAD, BEHIND = "where we gain most", "where we lose most"
 WORST, WRONG_HUE = "where our error is largest", "where most hues are wrong"
 REASONS = {AHEAD: 1, BEHIND: 1, WORST: _WORST, WRONG_HUE: _WORST}
@@ -74,12 +74,12 @@ class Rendered:
 
     title: of the method, or "truth".
     pixels: sRGB, uint8 (h, w, 3).
-    psnr: of the crop in RGB, luminance and chrominance, dB; None for the truth.
+    psnr: of the crop in RGB, luminance and chrominance, dB.
     """
 
     title: str
     pixels: ByteArray
-    psnr: tuple[float, float, float] | None = None
+    psnr: Psnr
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,21 +93,14 @@ class Exhibit:
     pictures: tuple[Rendered, ...]
     stops: float
 
-    @property
-    def lead(self) -> tuple[float, float, float]:
-        """How much nearer to the truth ours is than the rival, in RGB, luminance and chrominance, dB; zeros without a rival."""
-        if len(self.pictures) < 3 or self.pictures[1].psnr is None or self.pictures[2].psnr is None:
-            return 0.0, 0.0, 0.0
-        rgb, luminance, chrominance = np.subtract(self.pictures[1].psnr, self.pictures[2].psnr).tolist()
-        return rgb, luminance, chrominance
-
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
     """Exhibits at the lowest and the highest level, rendered by the team; empty without a method of ours."""
     crops = list(choose_crops(figures))
     if not crops:
         return []
-    pixels = (WINDOW + 2 * _HALO) ** 2 + max(crop.scene.rows * crop.scene.columns for crop in crops) // 4
+    largest = max(crop.scene.rows * crop.scene.columns for crop in crops)
+    pixels = (WINDOW + 2 * _HALO) ** 2 + largest // 4
     return team.together("crops", partial(render_exhibit, figures.study), crops, pixels)
 
 
@@ -115,14 +108,11 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     """Crops by reason and level, each reason's from different scenes, none over another of its level."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
-        scores = [(scene, *_scores(figures, scene, level)) for scene in figures.study.scenes]
-        taken: list[Crop] = []
+        scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
         for why, most in REASONS.items():
-            found = [_best_crop(scene, level, why, shown, known[why], taken) for scene, shown, known in scores if why in known]
-            for score, crop in sorted(found, key=lambda each: -each[0])[:most]:
-                if score > 0:
-                    taken.append(crop)
-                    yield crop
+            known = [scene for scene in scores if why in scores[scene] and scores[scene][why].max() > 0]
+            for scene in sorted(known, key=lambda each: -scores[each][why].max())[:most]:
+                yield _crop(figures, scene, level, why, scores[scene])
 
 
 def render_exhibit(study: Study, crop: Crop) -> Exhibit:
@@ -130,21 +120,20 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
 
     Raises InputError, naming the file, if a scene or a network is not what was measured.
     """
-    try:
-        scene = study.reading.scene(crop.scene.source, crop.scene.digest)
-    except InputError as error:
-        raise InputError(f"{crop.scene.source}: {error}") from None
-    transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
+    scene = study.reading.scene(crop.scene)
+    colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
+    transform = ColourTransform.to_space(colours)
     truth = scene.rgb[crop.part]
-    stops = min(_stops(scene.rgb), _most_stops((truth / np.array(transform.white)).astype(np.float32)))
+    stops = _stops(scene.rgb, truth / np.array(transform.white, np.float32))
 
     def displayed(rgb: FloatArray) -> ByteArray:
         # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
         return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
 
-    pictures = [Rendered("truth", displayed(truth))]
+    pictures = [Rendered("truth", displayed(truth), whole_psnr(truth, truth))]
     for name, picture in zip(crop.methods, render_crop(study, crop, scene.rgb), strict=True):
-        pictures.append(Rendered(study.method(name).title, displayed(picture), whole_psnr(picture, truth)))
+        title, error = study.method(name).title, whole_psnr(picture, truth)
+        pictures.append(Rendered(title, displayed(picture), error))
     return Exhibit(crop, tuple(pictures), stops)
 
 
@@ -158,54 +147,56 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
     step = lcm(2, study.tile.pattern.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
-    cameras = CameraPair(crop.level, study.seed, truth, study.tile.pattern, crop.scene.neutral, (rows, columns))
+    pattern, part = study.tile.pattern, (rows, columns)
+    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, part)
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in crop.methods:
         yield study.method(name).render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
-def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> tuple[tuple[str, ...], dict[str, FloatArray]]:
-    """Ours and the best rival of a scene; and by reason how well each square shows it, without what was not measured."""
+def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
+    """By reason how well each square of a scene shows it, without what was not measured."""
     study = figures.study
-    here = [(cell, each) for cell, each in figures.results.items() if (cell.scene, cell.level) == (scene, level)]
-    found = {cell.method: each for cell, each in here if cell.tile in (None, study.tile)}
-    own = found.get(study.ours or "")
-    if study.ours is None or own is None or scene.channels != RGB_CHANNELS:
-        return (), {}
-    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues}
-    rival = figures.best(scene.group, level, RGB, study.rivals, scene.name)
+    here = [cell for cell in figures.results if (cell.scene, cell.level) == (scene, level)]
+    found = {cell.method: figures.results[cell] for cell in here if cell.tile in (None, study.tile)}
+    own, rival = found.get(study.ours or ""), _rival(figures, scene, level)
+    if own is None:
+        return {}
+    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues.copy()}
     if rival is None:
-        return (study.ours,), scores
-    lead = np.log10(np.maximum(found[rival].errors, _INVISIBLE) / np.maximum(own.errors, _INVISIBLE))
-    return (study.ours, rival), {AHEAD: lead, BEHIND: -lead, **scores}
+        return scores
+    ours, theirs = (np.maximum(each.errors, _INVISIBLE) for each in (own, found[rival]))
+    lead = np.log10(theirs / ours)
+    return {AHEAD: lead, BEHIND: -lead, **scores}
 
 
-def _best_crop(
-    scene: SceneInfo, level: Protocol, why: str, shown: tuple[str, ...], scores: FloatArray, taken: Sequence[Crop]
-) -> tuple[float, Crop]:
-    """The square of a scene with the highest score that overlaps none of those taken, and its score."""
-    rows, columns = (window_origins(size) for size in (scene.rows, scene.columns))
-    free = scores.copy()
-    for crop in taken:
-        if crop.scene == scene:
-            near = (np.abs(np.subtract(each, at)) < WINDOW for each, at in ((rows, crop.row), (columns, crop.column)))
-            free[np.logical_and.outer(*near)] = 0.0
-    row, column = (int(each) for each in np.unravel_index(int(free.argmax()), free.shape))
-    height, width = (min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns))
-    return float(free[row, column]), Crop(scene, level, why, shown, rows[row], columns[column], height, width)
+def _rival(figures: Figures, scene: SceneInfo, level: Protocol) -> str | None:
+    return figures.best(Place(scene.group, level, scene.name), RGB, figures.study.rivals)
+
+
+def _crop(figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores: dict[str, FloatArray]) -> Crop:
+    """The square of a scene with the highest score, which all that overlap it lose, whatever the reason."""
+    rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
+    row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
+    near = np.logical_and.outer(abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW)
+    for each in scores.values():
+        each[near] = 0.0
+    size = [min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns)]
+    methods = tuple(filter(None, (figures.study.ours, _rival(figures, scene, level))))
+    return Crop(scene, level, why, methods, int(rows[row]), int(columns[column]), *size)
 
 
 def _around(start: int, length: int, size: int, step: int) -> slice:
     return slice(max(0, start - _HALO) // step * step, min(size, start + length + _HALO))
 
 
-def _stops(rgb: FloatArray) -> float:
-    """Brightening for display, from the scene's own light."""
-    bright = float(np.quantile(rgb.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
-    return min(max(log2(_BRIGHT / bright), 0.0), _MOST_STOPS) if bright > 0 else 0.0
+def _stops(scene: FloatArray, balanced: FloatArray) -> float:
+    """Brightening for display: from the scene's own light, but so that the crop is not all white.
 
-
-def _most_stops(balanced: FloatArray) -> float:
-    """Brightening with which a crop is not all white. balanced: its light (h, w, C), 1 = display white."""
-    bright = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
-    return max(log2(_CROP_BRIGHT / bright), -_MOST_STOPS) if bright > 0 else _MOST_STOPS
+    scene: its light, (H, W, 3).
+    balanced: light of the crop, (h, w, 3), 1 = display white.
+    """
+    whole = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
+    crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
+    stops = min(max(log2(_BRIGHT / max(whole, _DARKEST)), 0.0), log2(_CROP_BRIGHT / max(crop, _DARKEST)))
+    return min(max(stops, -_MOST_STOPS), _MOST_STOPS)

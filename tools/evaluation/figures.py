@@ -1,21 +1,19 @@
 """Figures of an evaluation, per scene and pooled, and who is ahead by how much."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import isnan
-from typing import NamedTuple, TypeVar
+from math import isnan, nan
+from typing import NamedTuple
 
 import numpy as np
 
 from tools.simulation.protocols import Protocol
 
 from .measures import PLANES, Histogram, Measures
-from .metrics import QUANTILES, Quality
+from .metrics import QUANTILES
 from .scene_sets import SETS
 from .study import Cell, Study
 from .tiles import Tile
 
-T = TypeVar("T")
 EVEN = 0.05  # dB: smaller differences count as none
 
 
@@ -42,10 +40,10 @@ class Criterion(NamedTuple):
         value = None if figure is None else figure.values[self.figure]
         return None if value is None else self.scale * value
 
-    def score(self, figure: "Figure | None") -> float | None:
-        """A number that is larger where the figure is better; None if there is none."""
+    def score(self, figure: "Figure | None") -> float:
+        """A number that is larger where the figure is better; NaN if there is none."""
         value = self.of(figure)
-        return None if value is None else self.sign * value if self.sign else -abs(value - 100)
+        return nan if value is None else self.sign * value if self.sign else -abs(value - 100)
 
     def text(self, figure: "Figure | None") -> str:
         """A figure for people; a dash where there is none."""
@@ -53,60 +51,60 @@ class Criterion(NamedTuple):
         return "–" if value is None else f"{value:.{self.digits}f}"
 
 
-RGB = Criterion("rgb", "median RGB, dB", "rgb_q50")
-TENTH = Criterion("rgb_q10", "10 % quantile, dB", "rgb_q10")
-WHOLE = Criterion("psnr", "whole image, dB", "psnr")
+RGB = Criterion("rgb", "RGB, dB", "rgb_q50")
+TENTH = Criterion("rgb_q10", "RGB, 10 %", "rgb_q10")
+WHOLE = Criterion("psnr", "whole image", "psnr")
 HUE = Criterion("wrong_hue", "wrong hue, %", "wrong_hue", sign=-1, scale=100.0)
-KEPT = Criterion("kept", "dark colour kept, %", "kept_1", sign=0, digits=0, scale=100.0)
+KEPT = Criterion("kept", "dark colour, %", "kept_1", sign=0, digits=0, scale=100.0)
 CRITERIA = (
     RGB,
     Criterion("luminance", "luminance", "luminance_q50"),
     Criterion("chrominance", "chrominance", "chrominance_q50"),
     TENTH,
-    Criterion("chrominance_q10", "chrominance", "chrominance_q10"),
+    Criterion("chrominance_q10", "chrominance, 10 %", "chrominance_q10"),
     WHOLE,
     HUE,
     KEPT,
 )
 
 
-@dataclass(frozen=True)
-class Figure:
+class Place(NamedTuple):
+    """Where a figure is of: a set at a noise level, or one of its scenes. scene: its name; None for the whole set."""
+
+    group: str
+    level: Protocol
+    scene: str | None = None
+
+
+class Figure(NamedTuple):
     """Figures of one method on a scene, or on a set of scenes: a row of the results.
 
-    group: the set.
-    scene: its name; None for the whole set.
-    level: the noise.
     method: its name.
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     scenes: number of scenes.
     values: by name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
-        psnr_PLANE), dB; wrong_hue, the share of the pixels that show a wrong hue, 0 to 1, None where red, green and blue are not
-        measured; kept_1 to kept_5, the slopes of `colour_kept` from dark to bright, None where there is no colour. What is of
-        whole pictures is the mean over the scenes; kept is of all their pixels.
+        psnr_PLANE), dB; wrong_hue, the share of the pixels that show a wrong hue, 0 to 1; kept_1 to kept_5, the slopes of
+        `colour_kept` from dark to bright, None where there is no colour. What is of whole pictures is the mean over the scenes;
+        kept is of all their pixels.
     """
 
-    group: str
-    scene: str | None
-    level: Protocol
+    place: Place
     method: str
     tile: Tile | None
     scenes: int
     values: Mapping[str, float | None]
 
 
-@dataclass(frozen=True)
-class Lead:
-    """How much better ours is than the best rival of a scene, or of a set (scene None), by a criterion, dB."""
+class Lead(NamedTuple):
+    """How much better ours is than the best rival by a criterion, in its unit."""
 
-    scene: str | None
-    level: Protocol
+    place: Place
     criterion: Criterion
     rival: str
     value: float
 
 
-_Key = tuple[str, str | None, Protocol, str, Tile | None]  # set, scene, level, method, pattern
+_Key = tuple[Place, str, Tile | None]  # and method, pattern
 
 
 class Figures:
@@ -119,77 +117,53 @@ class Figures:
     def __init__(self, study: Study, results: Mapping[Cell, Measures]) -> None:
         self.study, self.results = study, results
         self.groups = [name for name in SETS if any(cell.scene.group == name for cell in results)]
-        parts: dict[_Key, list[Measures]] = {}
+        pools, alone = dict[_Key, list[Measures]](), dict[_Key, list[Measures]]()
         for cell, measures in results.items():
-            parts.setdefault((cell.scene.group, None, cell.level, cell.method, cell.tile), []).append(measures)
-        pooled = {
-            key: Figure(*key, len(each), _values(_pooled(each), each))
-            for group in self.groups
-            for key, each in parts.items()
-            if key[0] == group and len(each) == len(self.scenes(group))
-        }
-        alone: dict[_Key, Figure] = {}
-        for cell, measures in results.items():
-            key = (cell.scene.group, cell.scene.name, cell.level, cell.method, cell.tile)
-            alone[key] = Figure(*key, 1, _values(measures.quality, [measures]))
-        self._found = pooled | alone
+            group, what = cell.scene.group, (cell.method, cell.tile)
+            pools.setdefault((Place(group, cell.level), *what), []).append(measures)
+            alone[Place(group, cell.level, cell.scene.name), *what] = [measures]
+        whole = {key: each for key, each in pools.items() if len(each) == len(self.scenes(key[0].group))}
+        self._found = {key: Figure(*key, len(each), _values(each)) for key, each in (whole | alone).items()}
         self.rows = list(self._found.values())
 
     def scenes(self, group: str) -> list[str]:
         """Names of the scenes of a set."""
         return [scene.name for scene in self.study.scenes if scene.group == group]
 
-    def of(self, group: str, level: Protocol, method: str, scene: str | None = None, tile: Tile | None = None) -> Figure | None:
-        """The figures of a method; None if there are none. scene: None = the whole set; tile: by default the study's."""
-        camera = (tile or self.study.tile) if self.study.method(method).ours else None
-        return self._found.get((group, scene, level, method, camera))
+    def of(self, place: Place, method: str) -> Figure | None:
+        """The figures of a method, with the study's pattern; None if there are none."""
+        return self._found.get((place, method, self.study.tile if self.study.method(method).ours else None))
 
-    def best(self, group: str, level: Protocol, criterion: Criterion, names: Sequence[str], scene: str | None = None) -> str | None:
+    def best(self, place: Place, criterion: Criterion, names: Sequence[str]) -> str | None:
         """The best of some methods by a criterion; None where none has a figure."""
-        scores = {name: criterion.score(self.of(group, level, name, scene)) for name in names}
-        return _highest(scores)
+        scores = {name: criterion.score(self.of(place, name)) for name in names}
+        known = [name for name in names if not isnan(scores[name])]
+        return max(known, key=lambda name: scores[name], default=None)
 
-    def lead(self, group: str, level: Protocol, criterion: Criterion = RGB, scene: str | None = None) -> Lead | None:
+    def lead(self, place: Place, criterion: Criterion = RGB) -> Lead | None:
         """How much better ours is than the best rival; None if one of them has no such figure."""
-        study = self.study
-        rival = self.best(group, level, criterion, study.rivals, scene)
-        theirs = criterion.score(self.of(group, level, rival, scene)) if rival else None
-        ours = criterion.score(self.of(group, level, study.ours, scene)) if study.ours else None
-        if rival is None or theirs is None or ours is None:
+        ours, rival = self.study.ours, self.best(place, criterion, self.study.rivals)
+        if ours is None or rival is None or self.of(place, ours) is None:
             return None
-        return Lead(scene, level, criterion, rival, ours - theirs)
+        own, theirs = (criterion.score(self.of(place, name)) for name in (ours, rival))
+        return Lead(place, criterion, rival, own - theirs)
 
     def leads(self, group: str, level: Protocol, criterion: Criterion = RGB) -> list[Lead]:
         """The lead on each scene of a set; scenes without results are left out."""
-        return [lead for scene in self.scenes(group) if (lead := self.lead(group, level, criterion, scene))]
-
-    def best_tile(self, group: str, level: Protocol, criterion: Criterion) -> Tile | None:
-        """The best pattern for our renderer."""
-        name, tiles = self.study.ours, self.study.tiles
-        return _highest({tile: criterion.score(self.of(group, level, name, tile=tile)) for tile in tiles}) if name else None
+        places = (Place(group, level, scene) for scene in self.scenes(group))
+        return [lead for place in places if (lead := self.lead(place, criterion))]
 
 
-def _highest(scores: Mapping[T, float | None]) -> T | None:
-    known = {key: score for key, score in scores.items() if score is not None}
-    return max(known, key=lambda key: known[key], default=None)
-
-
-def _pooled(parts: Sequence[Measures]) -> Quality:
-    """Quantiles of the patches of all parts together."""
-    return Quality(*(Histogram.pooled([each.patches[plane] for each in parts]).quantiles() for plane in range(len(PLANES))))
-
-
-def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | None]:
-    """`Figure.values` of some pictures. quality: of all their patches."""
-    values: dict[str, float | None] = {
-        f"{plane}_q{round(100 * quantile)}": value
-        for plane, found in zip(PLANES, quality, strict=True)
-        for quantile, value in zip(QUANTILES, found, strict=True)
-    }
+def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
+    """`Figure.values` of some pictures; a single one's quantiles are exact."""
+    values: dict[str, float | None] = {}
+    for plane, name in enumerate(PLANES):
+        pooled = Histogram.pooled([each.patches[plane] for each in parts])
+        found = pooled.quantiles() if len(parts) > 1 else parts[0].quality[plane]
+        values |= {f"{name}_q{round(100 * each)}": value for each, value in zip(QUANTILES, found, strict=True)}
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
-    hue = float(np.array([each.wrong_hue for each in parts], float).mean())
-    values["wrong_hue"] = None if isnan(hue) else hue  # NaN where one picture has none
+    values["wrong_hue"] = float(np.mean([each.wrong_hue or 0.0 for each in parts]))
     seen, true = np.sum([each.kept for each in parts], axis=0)
     for place, (one, all_) in enumerate(zip(seen, true, strict=True), 1):
         values[f"kept_{place}"] = float(one / all_) if all_ else None

@@ -1,7 +1,7 @@
 """The processes that do an evaluation's work, and what the user sees of it: progress, failures, the memory limit."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +15,7 @@ from tools.batch.progress import StageProgress
 from tools.batch.work import Workers, follow
 
 from .scene_sets import Reading, SceneInfo, distinct, expand
-from .study import Task, work
+from .study import Cell, Study, work
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -77,10 +77,10 @@ class Team:
             raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
         return scenes, failures, left_out
 
-    def measure(self, todo: Sequence[Task]) -> list[str]:
-        """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
-        pixels = max((task.cell.scene.rows * task.cell.scene.columns for task in todo), default=0)
-        found = self.together("measuring", work, todo, pixels, lambda task: task.seconds)
+    def measure(self, study: Study, folder: Path, todo: Sequence[Cell]) -> list[str]:
+        """Make and keep results. Returns a line for each that failed; it is shown to the user too."""
+        pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
+        found = self.together("measuring", partial(work, replace(study, scenes=()), folder), todo, pixels, study.seconds)
         failures = list(dict.fromkeys(line for lines in found for line in lines))
         for line in failures:
             self.console.error(line)

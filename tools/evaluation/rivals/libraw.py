@@ -4,7 +4,6 @@ LibRaw takes 16-bit integers. Codes have a pedestal, so that noise below black o
 """
 
 import io
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,35 +18,23 @@ from tools.simulation.protocols.protocol import BayerShot
 from ..cameras import with_balance
 from ..method import Method
 
-
-@dataclass(frozen=True)
-class Levels:
-    """A linear encoding: code = black + value * (white - black); 1 scene unit is the code `white`."""
-
-    black: float
-    white: float
-
-    @classmethod
-    def around(cls, mosaic: FloatArray, headroom: float = 1.02) -> "Levels":
-        """Levels between which every sample of a mosaic fits, also below 0 and above 1, so that none is clipped."""
-        low, high = min(0.0, float(mosaic.min())), max(1.0, float(mosaic.max()))
-        scale = 65535 / ((high - low) * headroom)
-        black = -low * scale + (65535 - (high - low) * scale) / 2 * (low < 0)
-        return cls(black, black + scale)
-
-    def encode(self, values: FloatArray) -> NDArray[np.uint16]:
-        """Codes, uint16, of values in scene units."""
-        return np.rint(values * (self.white - self.black) + self.black).clip(0, 65535).astype(np.uint16)
-
-    def decode(self, codes: NDArray[np.uint16]) -> FloatArray:
-        """Values in scene units, float32, of codes."""
-        return ((codes - np.float32(self.black)) / np.float32(self.white - self.black)).astype(np.float32)
+_HEADROOM = 1.02  # range of the codes, as a multiple of the samples'
 
 
 def demosaic_libraw(mosaic: FloatArray) -> FloatArray:
     """DCB's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), scene units. LibRaw refuses frames smaller than 22 x 22."""
-    levels = Levels.around(mosaic)
-    return levels.decode(develop(encode_bayer_dng(levels.encode(mosaic)), "DCB"))
+    codes, black, white = encode_codes(mosaic)
+    picture = develop(encode_bayer_dng(codes), "DCB")
+    return ((picture - np.float32(black)) / np.float32(white - black)).astype(np.float32)
+
+
+def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
+    """Codes of samples in scene units, none clipped, also below 0 and above 1; and the codes of black and white."""
+    low, high = min(0.0, float(mosaic.min())), max(1.0, float(mosaic.max()))
+    scale = 65535 / ((high - low) * _HEADROOM)
+    black = -low * scale + (65535 - (high - low) * scale) / 2 * (low < 0)
+    white = black + scale
+    return np.rint(mosaic * (white - black) + black).clip(0, 65535).astype(np.uint16), black, white
 
 
 def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
@@ -71,20 +58,14 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
 
 
 def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
-    """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535, camera colours are those of sRGB."""
+    """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535."""
     from tifffile import imwrite
 
-    # XYZ -> linear sRGB (IEC 61966-2-1), under D65: a DNG needs a matrix.
-    matrix = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057)
     fields = (
         (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
         (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
         (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION)),
-        (TAG["UniqueCameraModel"], FieldType.ASCII, 0, "Panchroma Bayer rival"),
         (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
-        (TAG["ColorMatrix1"], FieldType.SRATIONAL, 9, tuple(part for each in matrix for part in (round(10000 * each), 10000))),
-        (TAG["CalibrationIlluminant1"], FieldType.SHORT, 1, 21),
-        (TAG["AsShotNeutral"], FieldType.RATIONAL, 3, (1, 1) * 3),
     )
     file = io.BytesIO()
     imwrite(file, codes, photometric=Photometric.CFA, extratags=[(*field, True) for field in fields], metadata=None)
