@@ -52,16 +52,16 @@ class Criterion(NamedTuple):
 
 
 RGB = Criterion("rgb", "RGB, dB", "rgb_q50")
-TENTH = Criterion("rgb_q10", "RGB, 10 %", "rgb_q10")
+TENTH = Criterion("rgb_q10", "RGB, 10\u00a0%", "rgb_q10")
 WHOLE = Criterion("psnr", "whole image", "psnr")
-HUE = Criterion("wrong_hue", "wrong hue, %", "wrong_hue", sign=-1, scale=100.0)
-KEPT = Criterion("kept", "dark colour, %", "kept_1", sign=0, digits=0, scale=100.0)
+HUE = Criterion("wrong_hue", "wrong hue,\u00a0%", "wrong_hue", sign=-1, scale=100.0)
+KEPT = Criterion("kept", "dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0)
 CRITERIA = (
     RGB,
     Criterion("luminance", "luminance", "luminance_q50"),
     Criterion("chrominance", "chrominance", "chrominance_q50"),
     TENTH,
-    Criterion("chrominance_q10", "chrominance, 10 %", "chrominance_q10"),
+    Criterion("chrominance_q10", "chrominance, 10\u00a0%", "chrominance_q10"),
     WHOLE,
     HUE,
     KEPT,
