@@ -48,13 +48,16 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
 
 def _group(figures: Figures, name: str) -> dict[str, Any]:
     """Variables of the template for a set of scenes."""
-    plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 4.4) for plane in range(3)]
+    from matplotlib.colors import to_hex
+
+    plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
     return {
         "name": f"{name[:1].upper()}{name[1:]}",
         "count": len(figures.scenes(name)),
         "verdict": judge(figures, name),
         "table": method_table(figures, name),
         "plots": list(zip(TITLES, plots, strict=True)),
+        "colours": [(each, to_hex(f"C{number}")) for number, each in enumerate(figures.study.methods)],
     }
 
 
@@ -62,16 +65,15 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals dashed."""
     study, levels = figures.study, figures.study.levels
     places = levels[0].places(levels)
-    for name in study.methods:
+    for number, name in enumerate(study.methods):
         found = [figures.of(Place(group, level), name) for level in levels]
         medians = [figure.values[f"{PLANES[plane]}_q50"] if figure else nan for figure in found]
         style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
-        axes.plot(places, medians, style, linewidth=width, markersize=3.5, label=name)
+        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=f"C{number}")
     axes.set_title(TITLES[plane], loc="left")
     axes.set_xticks(places, [level.tick for level in levels])
     axes.set_xlabel(levels[0].axis)
     axes.set_ylabel("median PSNR, dB")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, fontsize="small")
 
 
 def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
