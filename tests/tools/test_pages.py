@@ -1,29 +1,31 @@
 """Pages hold texts that others chose, as names of files and sensors: whatever these are, a page has the same elements."""
 
+from base64 import b64decode
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from shared import CfaPattern
 from tests.browser import Browser
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
 from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
-from tools.batch.html import without_folders
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
+from tools.evaluation.crops import REASONS, Crop, Exhibit, Rendered
 from tools.evaluation.figures import Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import choose
-from tools.evaluation.page.gallery import WHY_AHEAD, WHY_PATTERNS, Crop, Exhibit, Rendered
-from tools.evaluation.page.page import build_page
-from tools.evaluation.study import Study
+from tools.evaluation.page import build_page
 from tools.evaluation.tiles import Tile
+from tools.io.page import embed_plot, without_folders
 
 HARMLESS = "a"
 HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""  # may be the name of a file
@@ -47,25 +49,21 @@ class Outline(HTMLParser):
         self.texts.append(data)
 
 
-def exhibits(study: Study, text: str) -> list[Exhibit]:
-    """One of each kind."""
-    pictures = (Rendered("truth", PIXELS), Rendered(text, PIXELS, 30.0, True), Rendered(text, PIXELS, 20.0))
-    places = (WHY_AHEAD, WHY_PATTERNS, text)
-    return [Exhibit(Crop(study.scenes[0], study.levels[0], 20, 20, 8, 8, why), pictures, 1.0, (2, 1)) for why in places]
-
-
 def of_evaluation(folder: Path, text: str) -> bytes:
     """Every name and remark is the text."""
     path = Path(of_quads(folder, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS))
     for end in (".onnx", ".json"):
         path.with_suffix(end).rename(folder / f"{text}{end}")
     (rival,) = choose([str(folder / f"{text}.onnx")])
-    study = study_of(folder, methods=("paper", "bilinear", rival.name))
+    networks = ((rival.name, rival.file),)
+    study = study_of(folder, methods=("paper", "bilinear", rival.name), networks=networks)
     scenes = tuple(replace(scene, name=f"{text}{number}", notes=(text,)) for number, scene in enumerate(study.scenes))
     tiles = tuple(Tile(f"{text}{period}", CfaPattern.bayer(period)) for period in (6, 4))
     study = replace(study, scenes=scenes, tiles=tiles)
     measures = Measures.of(*pair())
-    return build_page(Figures(study, dict.fromkeys(study.cells(), measures)), exhibits(study, text), text, [text])
+    pictures = tuple(Rendered(text, PIXELS, (psnr, psnr, psnr)) for psnr in (200.0, 30.0, 20.0))
+    exhibits = [Exhibit(Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8), pictures, 1.0) for why in REASONS]
+    return build_page(Figures(study, dict.fromkeys(study.cells(), measures)), exhibits, text, [text])
 
 
 def of_calibration(_: Path, text: str) -> bytes:
@@ -99,19 +97,24 @@ def test_folders_are_cut_off_names_alone(tmp_path: Path, monkeypatch: pytest.Mon
     assert without_folders("a.dng: 1/2", ["a.dng", "/"]) == "a.dng: 1/2"
 
 
-def test_a_name_runs_no_script_and_its_lines_are_switched(tmp_path: Path) -> None:
+def test_a_name_runs_no_script(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     page.write_bytes(of_evaluation(tmp_path, HOSTILE))
     with Browser(tmp_path / "profile") as browser:
         browser.open(page.as_uri())
         browser.until("document.readyState === 'complete'")
-        browser.evaluate("document.querySelectorAll('input, select, button, label').forEach(e => e.focus())")
-        assert browser.evaluate("document.title") == "Panchroma: is this camera better?"
-        switch = "[...document.querySelectorAll('#noise input')].find(i => i.value.includes('owned'))"
-        lines = f"[...document.querySelectorAll('#noise g')].filter(g => g.dataset.series === {switch}.value)"
-        hidden = f"{lines}.map(g => g.matches('.off'))"
-        before = browser.evaluate(hidden)
-        assert len(before) == 3
-        browser.evaluate(f"{switch}.click()")
-        assert browser.evaluate(hidden) == [not each for each in before]
+        assert browser.evaluate("document.title") == "Is the sparse-colour camera better?"
         assert browser.errors == []
+
+
+def test_plots_show_texts_as_they_are_and_are_the_same_each_time() -> None:
+    def draw(axes: Axes) -> None:
+        axes.plot([0, 1], [1, 2], label="$a_1$ <b> 漢")
+        axes.legend()
+
+    before = dict(mpl.rcParams)
+    first, second = embed_plot(draw), embed_plot(draw)
+    assert first == second
+    drawing = b64decode(first.removeprefix("data:image/svg+xml;base64,")).decode()
+    assert "$a_1$ &lt;b&gt; 漢" in drawing
+    assert dict(mpl.rcParams) == before

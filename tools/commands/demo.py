@@ -27,7 +27,7 @@ from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
 from tools.batch.previews import Previews
 from tools.batch.progress import StageProgress
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.interpolation import demosaic_bilinear
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.io.development import Development, write_picture
 from tools.io.display import ColourTransform
 from tools.io.kind import PictureKind

@@ -21,14 +21,14 @@ from tools.batch.jobs import FAILED, output_folder, refuse_existing
 from tools.batch.memory import allowed_memory
 from tools.commands.font_folder import temporary_font_folder
 from tools.evaluation.figures import Figures
-from tools.evaluation.report import plain_text
+from tools.evaluation.tables import plain_text
 from tools.io.versions import program_version
 from tools.simulation.pattern_text import read_pattern
 
 from .options import add, add_protocol, count, option, protocol_of
 
 if TYPE_CHECKING:
-    from tools.evaluation.study import Study, Task
+    from tools.evaluation.study import Cell, Study
     from tools.evaluation.team import Team
     from tools.evaluation.tiles import Tile
 
@@ -65,12 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.batch.html import without_folders
-    from tools.evaluation.page.gallery import render_gallery
-    from tools.evaluation.page.page import build_page
-    from tools.evaluation.study import FOLDER, Cache, collect, tasks
+    from tools.evaluation.crops import render_crops
+    from tools.evaluation.page import build_page
+    from tools.evaluation.study import collect, missing_cells, remove_results
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
+    from tools.io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]
@@ -81,16 +81,17 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    todo, there = tasks(study, folder.absolute() if arguments.scheduler else folder, anew=arguments.overwrite)
+    results_folder = folder.absolute() if arguments.scheduler else folder
+    todo, there = missing_cells(study, results_folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
-        Cache(folder / FOLDER).remove([cell.name for cell in study.cells()])
-    temporary_font_folder()  # a rival's package imports matplotlib
+        remove_results(study, folder)
+    temporary_font_folder()  # matplotlib draws the plots
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
-        failures += replace(team, scheduler=arguments.scheduler).measure(todo)
+        failures += replace(team, scheduler=arguments.scheduler).measure(study, results_folder, todo)
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     page = b""
     if not arguments.no_page:
         try:
-            exhibits = render_gallery(figures, team)
+            exhibits = render_crops(figures, team)
         except InputError as error:  # a file that has changed since it was measured
             console.error(str(error))
             failures, exhibits = [*failures, str(error)], []
@@ -131,15 +132,13 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     tiles = _tiles(arguments)
-    channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
-    reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
+    reading = Reading(arguments.linear, arguments.crop)
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
     names = tuple(each.name for each in methods)
     networks = tuple((each.name, each.file) for each in methods if each.file)
     study = Study(tuple(scenes), names, levels, tiles, arguments.seed, reading, networks)
-    made, without = study.remarks()
-    console.note(*made, *without)
-    return study, failures, [*left_out, *without]
+    console.note(*study.remarks())
+    return study, failures, left_out
 
 
 def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
@@ -154,12 +153,11 @@ def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
     return chosen_tiles(periods, others)
 
 
-def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
+def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
-    for task in todo:
-        console.say(task.title)
-        for cell in task.cells:
-            facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
-            console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
-    console.say(f"{sum(len(task.cells) for task in todo)} results to make, {there} kept from an earlier run")
+    for cell in todo:
+        console.say(cell.title)
+        facts = {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
+        console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
+    console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0

@@ -1,14 +1,14 @@
 """Both cameras in front of one scene at one noise level: their shots, and the pictures that methods make of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
-from tools.io.scene import RGB, Scene
+from tools.io.scene import Scene
 from tools.simulation.bayer import channel_map, check_mosaic, sample_bayer
 from tools.simulation.filters import Filters
 from tools.simulation.protocols import Protocol
@@ -18,7 +18,6 @@ from tools.simulation.simulated_camera import SimulatedCamera
 from .tiles import filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
-Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
 
 
 def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
@@ -32,11 +31,10 @@ class CameraPair:
 
     level: the noise.
     seed: of the noise.
-    truth: light of the scene, (H, W, N), scene units.
+    truth: light of the scene, (H, W, 3), scene units.
     pattern: of the sparse-colour camera.
     neutral: what white reads in the scene, one value per channel; None = unknown.
     part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
-    channels: the N letters of the scene's channels. A Bayer camera takes red, green and blue ones only.
     """
 
     level: Protocol
@@ -45,26 +43,18 @@ class CameraPair:
     pattern: CfaPattern
     neutral: tuple[float, ...] | None
     part: tuple[slice, slice] = (slice(None), slice(None))
-    channels: str = RGB
-    _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
-        """Render the sparse-colour shot. Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
+        """Render the sparse-colour shot. Returns float32 (H, W, 3) in scene units of the scene, whatever exposure and filters were.
 
         A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
         mixing = np.array(self._filters.matrix)
-        if np.array_equal(mixing, np.eye(len(self.channels))):
+        if np.array_equal(mixing, np.eye(3)):
             return picture
         return (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
-
-    def denoised(self, denoise: Denoise) -> BayerShot:
-        """The Bayer shot with its samples denoised; they are kept for the next method that uses them."""
-        if denoise not in self._denoised:
-            self._denoised[denoise] = denoise(self.bayer.samples, self.bayer.shot, self.bayer.read)
-        return replace(self.bayer, samples=self._denoised[denoise])
 
     @property
     def white(self) -> FloatArray:
@@ -75,7 +65,7 @@ class CameraPair:
 
     @property
     def _filters(self) -> Filters:
-        return filters_of(self.pattern, self.channels)
+        return filters_of(self.pattern)
 
     @property
     def _rng(self) -> np.random.Generator:
@@ -85,7 +75,7 @@ class CameraPair:
     def sparse(self) -> Mosaic:
         """The shot of the sparse-colour camera; its calibration states the noise."""
         # The scene without its colours: filters are what all channels have in common.
-        scene, level = Scene(self.truth, "", channels=self.channels), self.level.scaled(self._filters.unit)
+        scene, level = Scene(self.truth, ""), self.level.scaled(self._filters.unit)
         shot = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits).shoot(scene, self._rng).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 

@@ -1,4 +1,4 @@
-"""Where a picture shows a wrong hue, or several where there is one, and where its colour fades: medians over patches hide it."""
+"""Where a picture shows a wrong hue, and where its colour fades: medians over patches hide both."""
 
 import numpy as np
 
@@ -13,10 +13,6 @@ from .metrics import BORDER
 WRONG = 10.0  # CIEDE2000: seen at a glance, side by side or not
 _BRIGHT, _BRIGHT_SHARE = 0.9, 0.99  # luminance that this quantile of the truth is shown with; 1 = white
 _DARKEST = 1e-6  # scene units: a channel without light needs no balance
-UNEVEN = 10.0  # distance in the plane of CIELAB a*, b*: seen at a glance within one word
-_SAME = 5.0  # CIELAB distance of two true colours that count as one
-_STEP, _STEPS = 3, 2  # pixels between the places that are compared with, and how many to either side: as far as letters are wide
-_FEWEST = 3.0  # of these 25 places must have a pixel's own colour: a pixel along an edge is of no colour
 PLACES = {"darkest tenth": 0.1, "to a quarter": 0.25, "to a half": 0.5, "to three quarters": 0.75, "brightest": 1.0}
 """The bins, and the quantile of the truth's luminance at which each ends."""
 _BLUR = 8.0  # pixels: no fine detail is left, and hardly any noise
@@ -31,31 +27,10 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
 
     rendered, truth: (H, W, 3), linear, scene units.
     """
-    gain, wrong = balance(truth), np.empty(truth.shape[:2], bool)
+    gain, wrong = _balance(truth), np.empty(truth.shape[:2], bool)
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
-        wrong[rows] = delta_e_2000(lab(gain * rendered[rows]), lab(gain * truth[rows])) > WRONG
+        wrong[rows] = delta_e_2000(_lab(gain * rendered[rows]), _lab(gain * truth[rows])) > WRONG
     return wrong
-
-
-def uneven_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
-    """Pixels whose error of hue and chroma (a*, b*) is not that of the pixels around with the same true colour; bool (H, W).
-
-    An error that all of a small object shares is none here. Both pictures are shown as in `wrong_hue`.
-    rendered, truth: (H, W, 3), linear, scene units.
-    """
-    seen, true = displayed(rendered, truth), displayed(truth, truth)
-    error, reach = (seen - true)[..., 1:], _STEP * _STEPS
-    (height, width), total = error.shape[:2], np.zeros_like(error)
-    count = np.zeros((height, width, 1), np.float32)
-    wide_error, wide_true = (np.pad(each, ((reach, reach), (reach, reach), (0, 0)), "reflect") for each in (error, true))
-    for down in range(0, 2 * reach + 1, _STEP):
-        for right in range(0, 2 * reach + 1, _STEP):
-            place = slice(down, down + height), slice(right, right + width)
-            same = (np.square(wide_true[place] - true).sum(axis=2, keepdims=True) < _SAME**2).astype(np.float32)
-            total += same * wide_error[place]
-            count += same
-    apart = np.square(error - total / count).sum(axis=2)
-    return (apart > UNEVEN**2) & (count[..., 0] >= _FEWEST)
 
 
 def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
@@ -81,15 +56,7 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     return np.stack([np.bincount(place, each, len(PLACES)) for each in products])
 
 
-def displayed(picture: FloatArray, truth: FloatArray) -> FloatArray:
-    """A picture as `wrong_hue` shows it, float32 (H, W, 3), CIELAB."""
-    gain, shown = balance(truth), np.empty(picture.shape, np.float32)
-    for rows in strips(len(picture)):
-        shown[rows] = lab(gain * picture[rows])
-    return shown
-
-
-def balance(truth: FloatArray) -> DoubleArray:
+def _balance(truth: FloatArray) -> DoubleArray:
     """Gains of the channels, (3,), with which `wrong_hue` shows pictures."""
     mean = np.maximum(truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
     gain = mean.mean() / mean  # white balance
@@ -97,6 +64,6 @@ def balance(truth: FloatArray) -> DoubleArray:
     return gain * _BRIGHT / max(float(np.quantile(luminance, _BRIGHT_SHARE)), _DARKEST)
 
 
-def lab(balanced: DoubleArray) -> DoubleArray:
+def _lab(balanced: DoubleArray) -> DoubleArray:
     """CIELAB of balanced linear sRGB, (..., 3); what is beyond black or white is clipped."""
     return xyz_to_lab(np.clip(balanced, 0.0, 1.0) @ np.array(SRGB_TO_XYZ).T)

@@ -12,7 +12,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tools.io.scene import RGB
 
-from .hue import PLACES, colour_kept, uneven_hue, wrong_hue
+from .hue import PLACES, colour_kept, wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 
 PLANES = ("rgb", "luminance", "chrominance")
@@ -62,7 +62,6 @@ class Measures:
     quality: exact quantiles of its patches.
     psnr: of the whole picture without its border, dB, one for each of PLANES.
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
-    uneven_hue: share of those whose hue is not that of their object (see `uneven_hue`), likewise.
     kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
@@ -72,7 +71,6 @@ class Measures:
     quality: Quality
     psnr: tuple[float, float, float]
     wrong_hue: float | None
-    uneven_hue: float | None
     kept: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
@@ -85,17 +83,17 @@ class Measures:
         channels: the N letters of the channels.
         """
         maps, inner = patch_psnr(rendered, truth), (slice(BORDER, -BORDER),) * 2
-        wrong, wrong_share, uneven_share = np.zeros(truth.shape[:2], bool), None, None
+        wrong, wrong_share = np.zeros(truth.shape[:2], bool), None
         kept = np.zeros((2, len(PLACES)))
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
             shown = rendered[..., places], truth[..., places]
             wrong, kept = wrong_hue(*shown), colour_kept(*shown)
-            wrong_share, uneven_share = float(wrong[inner].mean()), float(uneven_hue(*shown)[inner].mean())
+            wrong_share = float(wrong[inner].mean())
         whole = whole_psnr(rendered, truth, BORDER)
         patches = tuple(map(Histogram.of, maps))
         squares = np.square(rendered.astype(np.float64) - truth).mean(axis=2), wrong.astype(np.float64)
-        figures = Quality.of(maps), whole, wrong_share, uneven_share, kept, patches
+        figures = Quality.of(maps), whole, wrong_share, kept, patches
         return cls(*figures, *map(_window_means, squares))
 
     def encode(self) -> bytes:
@@ -104,7 +102,7 @@ class Measures:
         parts = {
             f"{plane}_{of}": each for plane, part in zip(PLANES, self.patches, strict=True) for of, each in part._asdict().items()
         }
-        whole = np.array([*self.psnr, self.wrong_hue, self.uneven_hue], float)  # None becomes NaN
+        whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays, **parts)
         return buffer.getvalue()
@@ -118,8 +116,7 @@ class Measures:
                 quality: Any = map(tuple, stored["quality"].tolist())
                 whole: Any = tuple(None if np.isnan(each) else each for each in stored["whole"].tolist())
                 arrays = {name: stored[name] for name in _ARRAYS}
-                wrong, uneven = whole[3:]
-                return cls(Quality(*quality), whole[:3], wrong, uneven, patches=patches, **arrays)
+                return cls(Quality(*quality), whole[:3], whole[3], patches=patches, **arrays)  # files of old have a fifth
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

@@ -1,4 +1,4 @@
-"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance; and SSIM."""
+"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance."""
 
 from typing import NamedTuple
 

@@ -14,7 +14,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.white_balance import shades_of_grey
 from tools.batch.folders import search
-from tools.io.scene import RGB, Scene
+from tools.io.scene import Scene
 from tools.simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 
 from .metrics import BORDER, PSNR_PATCH
@@ -24,10 +24,9 @@ from .metrics import BORDER, PSNR_PATCH
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
-SPECTRAL = "scenes with other channels"  # than red, green and blue: no Bayer camera is for them
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
 CROP = 6  # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
-SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN, SPECTRAL)
+SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 
@@ -43,7 +42,6 @@ class SceneInfo:
     origin: row and column of its first pixel before cutting.
     neutral: what white reads, one value per channel; None = unknown.
     notes: remarks for the user on how the file was interpreted.
-    channels: the letters of its channels.
     """
 
     source: str
@@ -54,7 +52,6 @@ class SceneInfo:
     columns: int
     neutral: tuple[float, ...] | None
     notes: tuple[str, ...] = ()
-    channels: str = RGB
     origin: tuple[int, int] = (0, 0)
 
     @property
@@ -69,56 +66,42 @@ class Reading:
 
     linear: the numbers in the pictures are light, whatever the files say.
     largest: longest side, pixels; None = whole scenes.
-    channels: those of the scenes for which the patterns are, each once; files that do not name theirs have the first that fit.
     """
 
     linear: bool = False
     largest: int | None = None
-    channels: tuple[str, ...] = (RGB,)
 
-    def scene(self, source: str, expected: str | None = None) -> Scene:
-        """Load a scene and cut it.
-
-        expected: `SceneInfo.digest` of its pixels; None = any.
-        Raises InputError, without the name of the source, if it cannot be read, is too small, or is not what was expected.
-        """
-        scene, _, found = _loaded(source, self)
-        if expected not in (None, found):
+    def scene(self, info: SceneInfo) -> Scene:
+        """Load a scene and cut it. Raises InputError, naming the file, if it cannot be read, or has changed since."""
+        for _ in range(2):
+            try:
+                scene, _, found = _loaded(info.source, self)
+            except InputError as error:
+                raise InputError(f"{info.source}: {error}") from None
+            if found == info.digest:
+                return scene
             _loaded.cache_clear()  # the file may have been another one when it was kept in memory
-            scene, _, found = _loaded(source, self)
-        if expected not in (None, found):
-            raise InputError("the picture has changed since the evaluation began; run it again")
-        return scene
+        raise InputError(f"{info.source}: the picture has changed since the evaluation began; run it again")
 
     def info(self, source: str) -> SceneInfo:
-        """Facts about the scene. Raises InputError as `scene` does."""
+        """Facts about a scene. Raises InputError, without the name of the source, if it cannot be read or is too small."""
         _loaded.cache_clear()
         scene, origin, found = _loaded(source, self)
-        group = MEASURED if self.linear and scene.channels == RGB else _group(source, scene)
+        group = MEASURED if self.linear else _group(source, scene)
         neutral = _neutral(scene, group)
-        return SceneInfo(source, scene.name, group, found, *scene.shape, neutral, scene.notes, scene.channels, origin)
+        return SceneInfo(source, scene.name, group, found, *scene.shape, neutral, scene.notes, origin)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
 def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]:
     """The scene, cut, and `origin` and `digest` of its `SceneInfo`."""
-    scene = _load(source, reading)
+    scene = load_scene(source, linear=reading.linear)
     origin = [_kept(size, reading.largest).start for size in scene.shape]
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
         raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
     return replace(scene, rgb=rgb), (origin[0], origin[1]), digest(rgb)
-
-
-def _load(source: str, reading: Reading) -> Scene:
-    *others, last = reading.channels
-    for channels in others:
-        try:
-            return load_scene(source, linear=reading.linear, channels=channels)
-        except InputError:
-            continue  # a file of another number of channels
-    return load_scene(source, linear=reading.linear, channels=last)
 
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
@@ -176,8 +159,6 @@ def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
 
 
 def _group(source: str, scene: Scene) -> str:
-    if scene.channels != RGB:
-        return SPECTRAL
     if is_drawn(source):
         return BUILTIN
     if not scene.eight_bits:

@@ -1,49 +1,103 @@
-"""The figures for machines: JSON with everything, CSV with a row per figure."""
+"""The figures as tables: for people a row per method, JSON with everything, CSV with a row per figure."""
 
 import csv
 import io
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
+
+import numpy as np
 
 from tools.batch.console import one_line
 from tools.simulation.protocols import Protocol
 
-from .figures import CRITERIA, EVEN, Figures, SetFigures
-from .methods import methods
+from .figures import CRITERIA, EVEN, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
-from .study import Study
 from .tiles import Tile
-from .verdict import best_period, caveats, claims
+from .verdict import judge
 
-_COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
-_SCENE = ("source", "name", "group", "rows", "columns", "channels", "notes")
-_FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")  # and, in full width, what some programs take for them
+_SCENE = ("source", "name", "group", "rows", "columns", "notes")
+_FORMULA = tuple("=+-@＝＋－＠")  # in full width, too, which some programs take for the same
 _DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table. head: titles of the columns; rows: texts, the title of the row first, of a noise level alone; best: of each row, the
+    places of those texts that are the best of their column at their noise.
+    """
+
+    head: list[str]
+    rows: list[list[str]]
+    best: list[list[int]]
+
+
+def method_table(figures: Figures, group: str) -> Table:
+    """Return the table of a set: at each noise level a row for each method and pattern, a column for each of CRITERIA."""
+    study, table = figures.study, Table(["", *(each.title for each in CRITERIA)], [], [])
+    for level in study.levels:
+        found = [each for each in figures.rows if each.place == Place(group, level)]
+        scores = np.array([[each.score(figure) for each in CRITERIA] for figure in found])
+        table.rows.append([level.text])
+        table.best.append([])
+        for figure, best in zip(found, scores == np.fmax.reduce(scores, initial=np.nan), strict=True):
+            pattern = f", {figure.tile.name}" if figure.tile and len(study.tiles) > 1 else ""
+            title = study.method(figure.method).title + pattern
+            table.rows.append([title, *(each.text(figure) for each in CRITERIA)])
+            table.best.append((np.flatnonzero(best) + 1).tolist())
+    return table
+
+
+def plain_text(figures: Figures) -> str:
+    """The report for a terminal: for each set the table and the verdict."""
+    lines = [describe(figures)]
+    for group in figures.groups:
+        table = method_table(figures, group)
+        first, *others = (max(map(len, column)) for column in zip_longest(table.head, *table.rows, fillvalue=""))
+        lines += ["", f"{group} ({len(figures.scenes(group))})"]
+        for title, *texts in (table.head, *table.rows):
+            cells = (f"  {text:>{width}}" for text, width in zip(texts, others, strict=False))
+            lines.append(f"{title:{first}}{''.join(cells)}".rstrip())
+        lines += judge(figures, group).sentences
+    return "\n".join(map(one_line, lines))
+
+
+def describe(figures: Figures) -> str:
+    """The scenes, cameras and light of a study in a sentence."""
+    study, count = figures.study, len(figures.study.scenes)
+    tiles = ", ".join(tile.name for tile in study.tiles)
+    return (
+        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under the same light; "
+        f"{study.protocol.summary}; {', '.join(level.text for level in study.levels)}."
+    )
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
-    found = []
-    for each in figures.rows:
-        row = _row(each.group, each.scene, each.level, each.method, each.tile)
-        values = {name: value if value is None else round(value, _DIGITS.get(name, 4)) for name, value in each.values.items()}
-        facts = _facts(figures.study, each.tile)
-        found.append(row | values | {"scenes": each.scenes, "pattern": each.tile and each.tile.name} | facts)
-    return found
+    return [_row(each) for each in figures.rows]
+
+
+def _row(figure: Figure) -> dict[str, Any]:
+    (group, level, scene), tile = figure.place, figure.tile
+    row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
+    row |= {"method": figure.method, "period": tile and tile.period}
+    for name, value in figure.values.items():
+        row[name] = value if value is None else round(value, _DIGITS.get(name, 4))
+    return row | {"scenes": figure.scenes, "pattern": tile and tile.name} | _facts(tile)
 
 
 def encode_csv(figures: Figures) -> bytes:
     """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals."""
-    text = io.StringIO()
-    found = rows(figures)
-    columns = found[0] if found else _COLUMNS
-    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
+    text, found = io.StringIO(), rows(figures)
+    writer = csv.DictWriter(text, list(found[0]), lineterminator="\n")
     writer.writeheader()
     for row in found:
-        writer.writerow({name: _cell(value) for name, value in (row | {"scene": row["scene"] or _POOLED}).items()})
+        row["scene"] = row["scene"] or _POOLED
+        writer.writerow({name: _cell(value) for name, value in row.items()})
     return text.getvalue().encode()
 
 
@@ -63,79 +117,56 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
 
     left_out: remarks on files that were not measured, or once for several.
     """
-    study = figures.study
+    study, methods = figures.study, {name: figures.study.method(name) for name in figures.study.methods}
+    patterns = {each.name: {"tile": "/".join(each.pattern.tile), "period": each.period} | _facts(each) for each in study.tiles}
+    protocol = {
+        "kind": study.protocol.name,
+        "seed": study.seed,
+        "level": study.protocol.unit,
+        "levels": [level.level for level in study.levels],
+        "period": study.tile.period,
+        "periods": [tile.period for tile in study.tiles if tile.period],
+        "pattern": study.tile.name,
+        "patterns": patterns,
+        "patch": PSNR_PATCH,
+        "border": BORDER,
+        "quantiles": QUANTILES,
+        "scenes_cut_to_multiples_of": CROP,
+    }
     document = {
         "program": program,
-        "protocol": {
-            "kind": study.protocol.name,
-            "seed": study.seed,
-            "level": study.protocol.unit,
-            "levels": [level.level for level in study.levels],
-            "period": study.tile.period,
-            "periods": study.periods,
-            "pattern": study.tile.name,
-            "patterns": {tile.name: {"tile": tile.letters, "period": tile.period, **_facts(study, tile)} for tile in study.tiles},
-            "patch": PSNR_PATCH,
-            "border": BORDER,
-            "quantiles": QUANTILES,
-            "scenes_cut_to_multiples_of": CROP,
-        },
+        "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
-        "methods": {
-            name: {"title": methods()[name].title, "ours": methods()[name].ours, "bayer": not methods()[name].sparse}
-            for name in study.methods
-        },
-        "verdict": {group.name: _verdict(group) for group in figures.sets},
+        "methods": {name: {"title": each.title, "ours": each.ours, "bayer": not each.ours} for name, each in methods.items()},
+        "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
         "left_out": left_out,
     }
-    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+    return f"{text}\n".encode(errors="backslashreplace")
 
 
-def _verdict(group: SetFigures) -> dict[str, Any]:
-    levels = []
-    for level in group.study.levels:
-        margin, by_scene = group.margin(level), group.margins(level)
-        patterns = {each.name: group.best_pattern(level, each) for each in CRITERIA}
-        levels.append(
-            {
-                "level": level.level,
-                "winner": {each.name: group.best(level, each) for each in CRITERIA},
-                "best_rival": margin and margin.rival,
-                "margin_rgb": margin and round(margin.lead, 4),
-                "scenes_won": sum(each.lead >= EVEN for each in by_scene),
-                "scenes": len(by_scene),
-                "best_period": best_period(group, level),
-                "best_pattern": {name: tile and tile.name for name, tile in patterns.items()},
-            }
-        )
+def _verdict(figures: Figures, group: str) -> dict[str, Any]:
+    tone, sentences = judge(figures, group)
+    levels = [_level(figures, group, level) for level in figures.study.levels]
+    return {"ours": figures.study.ours, "tone": tone, "sentences": sentences, "levels": levels}
+
+
+def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
+    place, methods = Place(group, level), figures.study.methods
+    lead, scenes = figures.lead(place), figures.leads(group, level)
     return {
-        "ours": group.study.ours,
-        "levels": levels,
-        "caveats": caveats(group),
-        "claims": [vars(each) for each in claims(group)],
-        "comparisons": len(group.comparisons),
-        "losses": [
-            {
-                "scene": each.scene,
-                "level": each.level.level,
-                "rival": each.rival,
-                "figure": each.criterion.name,
-                "margin": round(-each.lead, 4),
-            }
-            for each in group.comparisons
-            if each.lost
-        ],
+        "level": level.level,
+        "winner": {each.name: figures.best(place, each, methods) for each in CRITERIA},
+        "best_rival": lead and lead.rival,
+        "margin_rgb": lead and round(lead.value, 4),
+        "scenes_won": sum(each.value >= EVEN for each in scenes),
+        "scenes": len(scenes),
     }
 
 
-def _row(group: str, scene: str | None, level: Protocol, method: str, tile: Tile | None) -> dict[str, Any]:
-    """The columns with which every row begins."""
-    return dict(zip(_COLUMNS, (group, scene, level.level, method, tile and tile.period), strict=True))
-
-
-def _facts(study: Study, tile: Tile | None) -> dict[str, Any]:
+def _facts(tile: Tile | None) -> dict[str, Any]:
     """What is known of a pattern; None in every place for a Bayer camera's method."""
-    light = tile and study.light(tile)
-    return {"panchromatic_share": tile and round(tile.panchromatic_share, 6), "light": light and round(light, 6)}
+    share, light = (tile.panchromatic_share, tile.light) if tile else (None, None)
+    return {"panchromatic_share": share and round(share, 6), "light": light and round(light, 6)}

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -16,7 +16,7 @@ from tools.batch.parallel import follow, one_by_one, processes
 from tools.batch.progress import StageProgress
 
 from .scene_sets import Reading, SceneInfo, distinct, expand
-from .study import Task, work
+from .study import Cell, Study, work
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -78,10 +78,10 @@ class Team:
             raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
         return scenes, failures, left_out
 
-    def measure(self, todo: Sequence[Task]) -> list[str]:
-        """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
-        pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
-        found = self.together("measuring", work, todo, pixels, lambda task: task.seconds)
+    def measure(self, study: Study, folder: Path, todo: Sequence[Cell]) -> list[str]:
+        """Make and keep results. Returns a line for each that failed; it is shown to the user too."""
+        pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
+        found = self.together("measuring", partial(work, replace(study, scenes=()), folder), todo, pixels, study.seconds)
         failures = list(dict.fromkeys(line for lines in found for line in lines))
         for line in failures:
             self.console.error(line)

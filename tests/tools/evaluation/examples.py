@@ -9,7 +9,7 @@ from shared.arrays import FloatArray
 from tools.batch.console import Console
 from tools.evaluation.figures import Figures
 from tools.evaluation.scene_sets import Reading
-from tools.evaluation.study import Study, collect, tasks, work
+from tools.evaluation.study import Study, collect, missing_cells, work
 from tools.evaluation.team import Team
 from tools.evaluation.tiles import Tile
 from tools.simulation.protocols import PaperProtocol
@@ -56,8 +56,8 @@ def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlm
 
 def measured(study: Study, folder: Path) -> Figures:
     """Make all results of a study in this process."""
-    for task in tasks(study, folder)[0]:
-        assert work(task) == []
+    for cell in missing_cells(study, folder)[0]:
+        assert work(study, folder, cell) == []
     return Figures(study, collect(study, folder))
 
 

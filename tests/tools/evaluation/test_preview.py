@@ -11,7 +11,7 @@ from tests.data import photograph
 from tests.strokes import WHITE, WIDTHS, drawing, kept
 from tools.batch.previews import linear_preview
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.interpolation import demosaic_bilinear
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.simulation.load import load_scene
 from tools.simulation.sensor import simulate_additive
 

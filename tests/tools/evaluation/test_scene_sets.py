@@ -36,7 +36,8 @@ def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
 
 def test_scenes_are_cut_and_small_ones_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "scene.npy", RNG.random((61, 80, 3)).astype(np.float32))
-    assert Reading().scene(str(tmp_path / "scene.npy")).rgb.shape == (60, 78, 3)
+    whole = Reading().info(str(tmp_path / "scene.npy"))
+    assert Reading().scene(whole).rgb.shape == (whole.rows, whole.columns, 3) == (60, 78, 3)
     assert Reading(largest=50).info(str(tmp_path / "scene.npy")).rows == 48
     np.save(tmp_path / "small.npy", RNG.random((41, 80, 3)).astype(np.float32))
     with pytest.raises(InputError, match="80 x 41 pixels are too few"):

@@ -9,7 +9,9 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 from tools.simulation.bayer import channel_map
+from tools.simulation.protocols.protocol import BayerShot
 
+from ..cameras import with_balance
 from ..method import Method
 
 _GREEN = 1
@@ -67,5 +69,15 @@ def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: in
     return smooth + gain * (reading - smooth), signal * (1 - gain) + _FLOOR
 
 
-DLMMSE = Method("dlmmse", "Bayer, DLMMSE 2005", demosaic_dlmmse, seconds=0.15)
-METHODS = (DLMMSE, DLMMSE.with_balance())
+def _render(shot: BayerShot, _: FloatArray) -> FloatArray:
+    return demosaic_dlmmse(shot.samples)
+
+
+def _render_balanced(shot: BayerShot, white: FloatArray) -> FloatArray:
+    return with_balance(demosaic_dlmmse, shot.samples, white)
+
+
+METHODS = (
+    Method("dlmmse", "Bayer, DLMMSE 2005", _render, seconds=0.15),
+    Method("dlmmse-wb", "Bayer, DLMMSE, balanced", _render_balanced, balanced=True, seconds=0.15),
+)

@@ -8,7 +8,6 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -31,6 +30,7 @@ _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise
 _LARGEST = 1 << 30  # bytes of a file
 # Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key "location", value below 128 bytes.
 _BESIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
+_UNPRINTABLE = re.compile(r"[^\w .+()-]")  # in names of methods, which plots and tables show
 _DARK = 1e-3  # share of white: nearer to black the code is so steep that no network knows the noise there
 ENDING = ".onnx"
 CHANGED = "has changed since the evaluation began; run it again"
@@ -107,14 +107,13 @@ def network(path: str) -> Method:
     except (InputError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{said}: does not say how the network is fed: {error}") from error
     version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
-    name = f"{Path(path).stem}-{version[:8]}"
+    name = f"{_UNPRINTABLE.sub('_', Path(path).stem)}-{version[:8]}"
     return Method(
         name,
         f"Bayer, {name}",
         partial(_demosaicked, path, content, contract),
         version,
         balanced=contract.balanced,
-        whole_shot=True,
         packages=("onnxruntime",),
         seconds=10,
         file=path,
@@ -124,49 +123,36 @@ def network(path: str) -> Method:
 def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray) -> FloatArray:
     """The network's picture, float32 (H, W, 3), scene units. Raises InputError, naming the file.
 
+    The frame is mirrored at its border, and given to the network some rows at a time.
+
     content: what `_content` returned.
     white: what white reads, (3,).
     """
     from scipy.ndimage import gaussian_filter
 
+    white = white if contract.balanced else np.ones_like(white)
     gain = white[channel_map(shot.samples.shape)]
     level = gaussian_filter(shot.samples.astype(np.float64), _AROUND, mode="mirror")
     deviation = np.sqrt(shot.shot * level.clip(0) + shot.read**2) / gain
     codes = contract.encode(shot.samples / gain.astype(np.float64))
     noise = gaussian_filter(deviation * contract.steepness(level / float(white.mean())), _AROUND)
 
-    def run(codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
-        return _run(path, content, {name: _packed(each, codes, noise, filters) for name, each in contract.inputs.items()})
-
-    try:
-        picture = in_pieces((codes, noise), contract.order, contract.margin, run)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
-
-
-def in_pieces(planes: Sequence[FloatArray | DoubleArray], order: str, margin: int, run: Callable[..., FloatArray]) -> DoubleArray:
-    """What a network makes of a Bayer mosaic and of what is known of it, some rows at a time: (H, W, 3).
-
-    planes: (H, W) each; they are mirrored beyond the frame.
-    order: filters of the network's first 2 x 2 pixels.
-    margin: pixels at each side that the network sees and may leave out.
-    run: the network: from rows of the planes, float32 (h, w), and the channels of their filters, to (3, h, w) or less.
-    Raises InputError where the network leaves out more than the margin, or adds to it.
-    """
-    (height, width), (down, right) = planes[0].shape, _ORDERS[order]
+    (height, width), (down, right), margin = codes.shape, _ORDERS[contract.order], contract.margin
     pads = (margin + down, margin + (height + down) % 2), (margin + right, margin + (width + right) % 2)
-    wide: list[Any] = [np.pad(each, pads, mode=BORDER).astype(np.float32) for each in planes]
-    wide.append(channel_map((wide[0].shape[0] + down, wide[0].shape[1] + right))[down:, right:])
-    picture = np.empty((3, *(size - 2 * margin for size in wide[0].shape)))
+    codes, noise = (np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise))
+    filters = channel_map((codes.shape[0] + down, codes.shape[1] + right))[down:, right:]
+    picture = np.empty((3, *(size - 2 * margin for size in codes.shape)))
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
-        found = run(*(each[top : end + 2 * margin] for each in wide))
+        rows = slice(top, end + 2 * margin)
+        inputs = {name: _packed(form, codes[rows], noise[rows], filters[rows]) for name, form in contract.inputs.items()}
+        found = _run(path, content, inputs)
         edge = margin - (end - top + 2 * margin - found.shape[1]) // 2  # of the margin, what the convolutions have left
         if not 0 <= edge <= margin:
-            raise InputError(f"gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
+            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
         picture[:, top:end] = found[:, edge : edge + end - top, edge : edge + picture.shape[2]]
-    return picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
+    picture = picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
+    return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
 
 
 def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
@@ -189,7 +175,7 @@ def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
         (found,) = network_.run(None, inputs)
         return np.asarray(found[0], np.float32).reshape(3, *found.shape[-2:])
     except Exception as error:  # onnxruntime's errors have no common base
-        raise InputError(f"does not take what its JSON file says ({error})") from error
+        raise InputError(f"{path}: does not take what its JSON file says ({error})") from error
 
 
 @cache
@@ -199,7 +185,7 @@ def _session(path: str, content: str) -> Any:
 
     found = session(Path(path))
     if _content(path) != content:
-        raise InputError(CHANGED)
+        raise InputError(f"{path}: {CHANGED}")
     return found
 
 

@@ -1,4 +1,4 @@
-"""Networks: anybody's is fed as its description says, what is wrong is said with the file's name; Gharbi's beats interpolation."""
+"""Networks: anybody's is fed as its description says, what is wrong is said with the file's name."""
 
 import json
 from pathlib import Path
@@ -8,22 +8,15 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper, load, numpy_helper, save
 
-from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation.methods import choose
-from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals.demosaicnet import METHODS, demosaic_demosaicnet
-from tools.evaluation.rivals.interpolation import demosaic_bilinear
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.simulation.bayer import sample_bayer
 from tools.simulation.drawn.builtin import builtin_scene
 from tools.simulation.protocols.protocol import BayerShot
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green
-
-needs_demosaicnet = pytest.mark.skipif(
-    METHODS[0].missing is not None, reason="PyTorch or demosaicnet is missing: pip install 'panchroma[learned-rivals]'"
-)
 
 
 def network(folder: Path, weights: np.ndarray, blocks: int, **said: Any) -> str:
@@ -78,6 +71,23 @@ def test_noise_is_that_of_balanced_samples(tmp_path: Path, shot: float, read: fl
     np.testing.assert_allclose(found, (shot * 0.25 + read**2) ** 0.5, rtol=1e-4)
 
 
+def test_a_network_for_unbalanced_samples_gets_them_as_they_are(tmp_path: Path) -> None:
+    mosaic = sample_bayer(builtin_scene(60, 60).rgb)
+    for balanced in (True, False):
+        path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", balanced=balanced, gamma=2.2, inputs=QUADS)
+        shot = BayerShot(mosaic, 0.0, 0.0)
+        whites = [choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32))]
+        assert np.array_equal(*whites) != balanced
+
+
+def test_a_name_has_characters_that_plots_can_show(tmp_path: Path) -> None:
+    path = Path(of_quads(tmp_path, [1, 0, 0, 0, 0], inputs=QUADS))
+    for end in (".onnx", ".json"):
+        path.with_suffix(end).rename(tmp_path / f"a$<\udc80\n{end}")
+    (method,) = choose([str(tmp_path / "a$<\udc80\n.onnx")])
+    assert method.name.startswith("a____-")
+
+
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"mine\.onnx"):
         choose([str(tmp_path / "mine.onnx")])
@@ -110,31 +120,3 @@ def test_weights_in_another_file_are_part_of_what_a_network_is(tmp_path: Path) -
     weights.unlink()
     with pytest.raises(InputError, match=r"weights\.bin: there is no such file"):
         choose([path])
-
-
-def scene(height: int, width: int) -> FloatArray:
-    return builtin_scene(330, 220).rgb[60 : 60 + height, 40 : 40 + width]
-
-
-@needs_demosaicnet
-@pytest.mark.parametrize("shape", [(61, 80), (90, 75)])
-def test_gharbis_is_better_than_interpolation(shape: tuple[int, int]) -> None:
-    rgb = scene(*shape)
-    mosaic = sample_bayer(rgb)
-    found = demosaic_demosaicnet(mosaic)
-    assert found.shape == rgb.shape
-    assert found.dtype == np.float32
-    assert psnr(found, rgb, 4) > psnr(demosaic_bilinear(mosaic), rgb, 4) + 1
-
-
-@needs_demosaicnet
-def test_a_grey_surface_stays_grey() -> None:
-    assert np.abs(demosaic_demosaicnet(sample_bayer(np.full((40, 44, 3), 0.4, np.float32))) - 0.4).max() < 0.01
-
-
-@needs_demosaicnet
-def test_pieces_are_not_seen() -> None:
-    rgb = np.concatenate([scene(150, 60)] * 4)
-    mosaic = sample_bayer(rgb)
-    whole, upper = demosaic_demosaicnet(mosaic), demosaic_demosaicnet(mosaic[:420])
-    assert np.abs(whole[:370] - upper[:370]).max() < 1e-4

@@ -12,27 +12,20 @@ from shared.errors import InputError
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals import denoising
-from tools.evaluation.rivals.denoising import denoise_bayer
-from tools.evaluation.rivals.integers import LIBRAW, Levels, encode_bayer_dng
+from tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
+from tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
 from tools.simulation.bayer import ORDER, sample_bayer
 from tools.simulation.protocols import PaperProtocol
 from tools.simulation.protocols.protocol import BayerShot
 
-# colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
-pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")
-
-RIVALS = [
-    name
-    for name, method in methods().items()
-    if not method.sparse and method.missing is None and not (method.denoise or method.balanced)
-] + list(LIBRAW)
+RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
+WHITE = np.ones(3, np.float32)
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
 EDGE = 8  # pixels: rivals do as they like there
 
 
 def demosaic(name: str, mosaic: FloatArray) -> FloatArray:
-    return methods()[name].function(mosaic)
+    return methods()[name].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
 
 
 def smooth_scene(rows: int, columns: int) -> FloatArray:
@@ -41,12 +34,15 @@ def smooth_scene(rows: int, columns: int) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", RIVALS)
-def test_colours_land_in_their_channels(name: str) -> None:
+def test_colours_land_in_their_channels_and_an_even_one_comes_back(name: str) -> None:
     rgb = smooth_scene(62, 74)
     picture = demosaic(name, sample_bayer(rgb))
     assert picture.shape == rgb.shape
     assert picture.dtype == np.float32
     assert psnr(picture, rgb, EDGE) > 38
+    even = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (40, 44, 3))
+    inner = demosaic(name, sample_bayer(even))[EDGE:-EDGE, EDGE:-EDGE]
+    np.testing.assert_allclose(inner, even[EDGE:-EDGE, EDGE:-EDGE], atol=CODE)
 
 
 def test_a_line_is_no_mosaic() -> None:
@@ -55,32 +51,21 @@ def test_a_line_is_no_mosaic() -> None:
         methods()["bilinear"].render(cameras)
 
 
+@pytest.mark.parametrize("level", [0.0, 1.0])
 @pytest.mark.parametrize("name", RIVALS)
-def test_an_even_colour_comes_back(name: str) -> None:
-    rgb = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (40, 44, 3))
-    inner = demosaic(name, sample_bayer(rgb))[EDGE:-EDGE, EDGE:-EDGE]
-    np.testing.assert_allclose(inner, rgb[EDGE:-EDGE, EDGE:-EDGE], atol=CODE)
+def test_nothing_below_black_or_above_white_is_clipped(name: str, level: float) -> None:
+    mosaic = (level + 0.05 * np.random.default_rng(0).standard_normal((60, 60))).astype(np.float32)
+    picture = demosaic(name, mosaic)[EDGE:-EDGE, EDGE:-EDGE]
+    assert picture.min() < level - 0.05
+    assert picture.max() > level + 0.05
+    assert picture.mean() == pytest.approx(level, abs=0.01)
 
 
-@pytest.mark.parametrize("name", RIVALS)
-def test_nothing_below_black_or_above_white_is_clipped(name: str) -> None:
-    rng = np.random.default_rng(0)
-    for level in (0.0, 1.0):
-        mosaic = (level + 0.05 * rng.standard_normal((60, 60))).astype(np.float32)
-        picture = demosaic(name, mosaic)[EDGE:-EDGE, EDGE:-EDGE]
-        assert picture.min() < level - 0.05
-        assert picture.max() > level + 0.05
-        assert picture.mean() == pytest.approx(level, abs=0.01)
-
-
-def test_levels_hold_all_samples_and_come_back() -> None:
+def test_codes_have_a_pedestal_where_it_is_needed() -> None:
     for values in (np.array([0.0, 0.3, 1.0]), np.array([-0.2, 0.3, 1.4])):
-        each = values.astype(np.float32)
-        levels = Levels.around(each)
-        codes = levels.encode(each)
-        assert codes.dtype == np.uint16
-        np.testing.assert_allclose(levels.decode(codes), each, atol=CODE)
-    assert Levels.around(np.zeros(3, np.float32)).black == 0  # no pedestal without need: ratios of samples stay
+        codes, black, white = encode_codes(values.astype(np.float32))
+        np.testing.assert_allclose((codes - black) / (white - black), values, atol=CODE)
+    assert encode_codes(np.zeros(3, np.float32))[1] == 0  # ratios of samples stay
 
 
 def test_libraw_reads_the_dng_as_it_was_written() -> None:
@@ -98,22 +83,6 @@ def test_denoising_lowers_noise_and_keeps_the_light() -> None:
     rng = np.random.default_rng(0)
     shot, read = 2e-3, 5e-3
     before = (rng.poisson(truth / shot) * shot + read * rng.standard_normal(truth.shape)).astype(np.float32)
-    after = denoise_bayer(before, shot, read)
+    after = denoise_bayer(BayerShot(before, shot, read))
     assert np.std(after - truth) < 0.5 * np.std(before - truth)
     assert np.mean(after - truth) == pytest.approx(np.mean(before - truth), abs=1e-3)
-    np.testing.assert_array_equal(denoise_bayer(truth, 0.0, 0.0), truth)
-
-
-def test_cbm3d_after_demosaicking_gets_the_picture_and_half_as_much_noise_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[tuple[int, float]] = []
-
-    def smooth(picture: FloatArray, sigma: float) -> FloatArray:
-        calls.append((picture.ndim, sigma))
-        return picture
-
-    monkeypatch.setattr(denoising, "_bm3d", smooth)
-    white, mosaic = np.array([0.5, 1.0, 0.8], np.float32), sample_bayer(smooth_scene(40, 44))
-    noisy, clear = (denoising.demosaic_first(BayerShot(mosaic, 0.0, read), white) for read in (0.02, 0.0))
-    np.testing.assert_allclose(calls, [(3, 0.03)])
-    np.testing.assert_array_equal(noisy, clear)
-    assert psnr(clear, smooth_scene(40, 44), EDGE) > 38

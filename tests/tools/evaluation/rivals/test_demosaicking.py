@@ -1,11 +1,11 @@
-"""Interpolation of a Bayer mosaic, pixel by pixel as it is defined: bilinear, and DLMMSE as in its paper."""
+"""Bilinear interpolation and DLMMSE, pixel by pixel as they are defined."""
 
 import numpy as np
 import pytest
 
 from shared.arrays import DoubleArray, FloatArray
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
-from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.simulation.bayer import ORDER, sample_bayer
 
 
@@ -34,13 +34,6 @@ def bilinear(mosaic: FloatArray) -> DoubleArray:
 def test_bilinear_is_the_mean_of_the_nearest_samples(shape: tuple[int, int]) -> None:
     mosaic = np.random.default_rng(1).random(shape).astype(np.float32)
     np.testing.assert_allclose(demosaic_bilinear(mosaic), bilinear(mosaic), atol=1e-6)  # float32 rounding
-
-
-def test_the_mosaic_takes_each_sample_from_its_channel() -> None:
-    rgb = np.random.default_rng(2).random((5, 6, 3)).astype(np.float32)
-    mosaic = sample_bayer(rgb)
-    for row, column in np.ndindex(5, 6):
-        assert mosaic[row, column] == rgb[row, column, "RGB".index(ORDER[row % 2 * 2 + column % 2])]
 
 
 def green_of(mosaic: FloatArray, row: int, column: int) -> float:
@@ -88,10 +81,3 @@ def test_measured_samples_stay_and_an_even_colour_comes_back() -> None:
     noise = np.random.default_rng(1).random((18, 20, 3)).astype(np.float32)
     mosaic = sample_bayer(noise)
     np.testing.assert_array_equal(sample_bayer(demosaic_dlmmse(mosaic)), mosaic)
-
-
-def test_where_colours_differ_by_a_constant_the_picture_is_the_scene() -> None:
-    """Its assumption; what is left is the interpolation of a smooth green."""
-    green = 0.5 + 0.3 * np.sin(np.linspace(0, 2, 24))[:, None] * np.cos(np.linspace(0, 2, 24))
-    rgb = np.stack([green + 0.1, green, green - 0.2], axis=-1).astype(np.float32)
-    np.testing.assert_allclose(demosaic_dlmmse(sample_bayer(rgb))[4:-4, 4:-4], rgb[4:-4, 4:-4], atol=1e-3)

@@ -1,0 +1,202 @@
+"""Small squares of the scenes, after the paper's Fig. 4: where ours and the best rival differ most, and our worst places."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import lcm, log2
+
+import numpy as np
+
+from shared import SensorCalibration
+from shared.arrays import ByteArray, FloatArray
+from tools.io.display import ColourTransform
+from tools.io.samples import quantise
+from tools.simulation.protocols import Protocol
+
+from .cameras import CameraPair
+from .figures import RGB, Figures, Place
+from .measures import WINDOW, window_origins
+from .metrics import BORDER, whole_psnr
+from .scene_sets import SceneInfo
+from .study import Study
+from .team import Team
+
+# Nobody sees errors below this: crops that differ by many decibels there still look the same.
+_INVISIBLE = 0.004**2
+_HALO = 96  # pixels around a crop that are rendered with it and cut off: beyond the reach of every method
+_WORST = 3  # crops of the worst places at each level, by each measure
+_BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
+_MOST_STOPS = 6.0
+_CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # the same of a crop, at most
+_DARKEST = 1e-6  # scene units
+
+Psnr = tuple[float, float, float]
+AHEAD, BEHIND = "where we gain most", "where we lose most"
+WORST, WRONG_HUE = "where our error is largest", "where most hues are wrong"
+REASONS = {AHEAD: 1, BEHIND: 1, WORST: _WORST, WRONG_HUE: _WORST}
+"""Why crops are shown, and how many for each reason at a noise level."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of a scene at a noise level.
+
+    why: one of REASONS.
+    methods: shown, ours first.
+    row, column: of its first pixel.
+    height, width: pixels.
+    """
+
+    scene: SceneInfo
+    level: Protocol
+    why: str
+    methods: tuple[str, ...]
+    row: int
+    column: int
+    height: int
+    width: int
+
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """Rows and columns in the scene."""
+        return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
+
+    @property
+    def place(self) -> str:
+        """Where it begins in the photograph, for people."""
+        row, column = self.scene.origin
+        return f"row {row + self.row}, column {column + self.column}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """One rendering of a crop.
+
+    title: of the method, or "truth".
+    pixels: sRGB, uint8 (h, w, 3).
+    psnr: of the crop in RGB, luminance and chrominance, dB.
+    """
+
+    title: str
+    pixels: ByteArray
+    psnr: Psnr
+
+
+@dataclass(frozen=True, eq=False)
+class Exhibit:
+    """A crop with its pictures: the truth, ours, the best rival if there is one.
+
+    stops: brightening for display; negative ones darken.
+    """
+
+    crop: Crop
+    pictures: tuple[Rendered, ...]
+    stops: float
+
+
+def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
+    """Exhibits at the lowest and the highest level, rendered by the team; empty without a method of ours."""
+    crops = list(choose_crops(figures))
+    if not crops:
+        return []
+    largest = max(crop.scene.rows * crop.scene.columns for crop in crops)
+    pixels = (WINDOW + 2 * _HALO) ** 2 + largest // 4
+    return team.together("crops", partial(render_exhibit, figures.study), crops, pixels)
+
+
+def choose_crops(figures: Figures) -> Iterator[Crop]:
+    """Crops by reason and level, each reason's from different scenes, none over another of its level."""
+    levels = figures.study.levels
+    for level in dict.fromkeys((levels[0], levels[-1])):
+        scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
+        for why, most in REASONS.items():
+            known = [scene for scene in scores if why in scores[scene] and scores[scene][why].max() > 0]
+            for scene in sorted(known, key=lambda each: -scores[each][why].max())[:most]:
+                yield _crop(figures, scene, level, why, scores[scene])
+
+
+def render_exhibit(study: Study, crop: Crop) -> Exhibit:
+    """Render a crop by its methods.
+
+    Raises InputError, naming the file, if a scene or a network is not what was measured.
+    """
+    scene = study.reading.scene(crop.scene)
+    colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
+    transform = ColourTransform.to_space(colours)
+    truth = scene.rgb[crop.part]
+    stops = _stops(scene.rgb, truth / np.array(transform.white, np.float32))
+
+    def displayed(rgb: FloatArray) -> ByteArray:
+        # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
+        return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
+
+    pictures = [Rendered("truth", displayed(truth), whole_psnr(truth, truth))]
+    for name, picture in zip(crop.methods, render_crop(study, crop, scene.rgb), strict=True):
+        title, error = study.method(name).title, whole_psnr(picture, truth)
+        pictures.append(Rendered(title, displayed(picture), error))
+    return Exhibit(crop, tuple(pictures), stops)
+
+
+def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:
+    """The pictures of a crop, float32 (h, w, 3), scene units, by its methods: from the samples of the whole shots.
+
+    Only the crop and its surroundings are rendered.
+
+    truth: light of the whole scene, (H, W, 3), scene units.
+    """
+    step = lcm(2, study.tile.pattern.period)  # keeps the phase of both filter patterns
+    rows = _around(crop.row, crop.height, truth.shape[0], step)
+    columns = _around(crop.column, crop.width, truth.shape[1], step)
+    pattern, part = study.tile.pattern, (rows, columns)
+    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, part)
+    top, left = crop.row - rows.start, crop.column - columns.start
+    for name in crop.methods:
+        yield study.method(name).render(cameras)[top : top + crop.height, left : left + crop.width]
+
+
+def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
+    """By reason how well each square of a scene shows it, without what was not measured."""
+    study = figures.study
+    here = [cell for cell in figures.results if (cell.scene, cell.level) == (scene, level)]
+    found = {cell.method: figures.results[cell] for cell in here if cell.tile in (None, study.tile)}
+    own, rival = found.get(study.ours or ""), _rival(figures, scene, level)
+    if own is None:
+        return {}
+    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues.copy()}
+    if rival is None:
+        return scores
+    ours, theirs = (np.maximum(each.errors, _INVISIBLE) for each in (own, found[rival]))
+    lead = np.log10(theirs / ours)
+    return {AHEAD: lead, BEHIND: -lead, **scores}
+
+
+def _rival(figures: Figures, scene: SceneInfo, level: Protocol) -> str | None:
+    return figures.best(Place(scene.group, level, scene.name), RGB, figures.study.rivals)
+
+
+def _crop(figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores: dict[str, FloatArray]) -> Crop:
+    """The square of a scene with the highest score, which all that overlap it lose, whatever the reason."""
+    rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
+    row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
+    near = np.logical_and.outer(abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW)
+    for each in scores.values():
+        each[near] = 0.0
+    size = [min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns)]
+    methods = tuple(filter(None, (figures.study.ours, _rival(figures, scene, level))))
+    return Crop(scene, level, why, methods, int(rows[row]), int(columns[column]), *size)
+
+
+def _around(start: int, length: int, size: int, step: int) -> slice:
+    return slice(max(0, start - _HALO) // step * step, min(size, start + length + _HALO))
+
+
+def _stops(scene: FloatArray, balanced: FloatArray) -> float:
+    """Brightening for display: from the scene's own light, but so that the crop is not all white.
+
+    scene: its light, (H, W, 3).
+    balanced: light of the crop, (h, w, 3), 1 = display white.
+    """
+    whole = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
+    crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
+    stops = min(max(log2(_BRIGHT / max(whole, _DARKEST)), 0.0), log2(_CROP_BRIGHT / max(crop, _DARKEST)))
+    return min(max(stops, -_MOST_STOPS), _MOST_STOPS)

@@ -1,0 +1,109 @@
+"""The page: verdict, two pairs of crops, a table, three plots and the worst places, in one HTML file that needs no network."""
+
+from collections.abc import Sequence
+from functools import partial
+from math import nan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tools.io.page import embed_picture, embed_plot, render_page
+
+from .crops import AHEAD, BEHIND, Exhibit, Psnr
+from .figures import Figures, Place
+from .measures import PLANES, TITLES
+from .metrics import BORDER, PSNR_PATCH
+from .scene_sets import CROP
+from .tables import describe, method_table
+from .verdict import judge
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_TEMPLATE = Path(__file__).with_name("evaluation.html")
+
+
+def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
+    """Return the content of the page's file.
+
+    figures: all results.
+    exhibits: as `render_crops` makes them.
+    program: name and version.
+    failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
+    """
+    study = figures.study
+    groups = [_group(figures, name) for name in figures.groups]
+    return render_page(
+        _TEMPLATE,
+        title="Is the sparse-colour camera better?",
+        summary=describe(figures),
+        groups=groups,
+        pairs=[_shown(each) for why in (AHEAD, BEHIND) for each in _clearest(exhibits, why)],
+        worst=[_shown(each) for each in exhibits if each.crop.why not in (AHEAD, BEHIND)],
+        failures=failures,
+        facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
+        conditions=study.protocol.conditions,
+        program=program,
+    )
+
+
+def _group(figures: Figures, name: str) -> dict[str, Any]:
+    """Variables of the template for a set of scenes."""
+    from matplotlib.colors import to_hex
+
+    plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
+    return {
+        "name": f"{name[:1].upper()}{name[1:]}",
+        "count": len(figures.scenes(name)),
+        "verdict": judge(figures, name),
+        "table": method_table(figures, name),
+        "plots": list(zip(TITLES, plots, strict=True)),
+        "colours": [(each, to_hex(f"C{number}")) for number, each in enumerate(figures.study.methods)],
+    }
+
+
+def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
+    """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals dashed."""
+    study, levels = figures.study, figures.study.levels
+    places = levels[0].places(levels)
+    for number, name in enumerate(study.methods):
+        found = [figures.of(Place(group, level), name) for level in levels]
+        medians = [figure.values[f"{PLANES[plane]}_q50"] if figure else nan for figure in found]
+        style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
+        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=f"C{number}")
+    axes.set_title(TITLES[plane], loc="left")
+    axes.set_xticks(places, [level.tick for level in levels])
+    axes.set_xlabel(levels[0].axis)
+    axes.set_ylabel("median PSNR, dB")
+
+
+def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
+    """The exhibit there for a reason in which ours and the best rival differ most."""
+    found = [each for each in exhibits if each.crop.why == why]
+    return sorted(found, key=lambda each: -abs(each.pictures[1].psnr[0] - each.pictures[2].psnr[0]))[:1]
+
+
+def _shown(exhibit: Exhibit) -> dict[str, Any]:
+    """Variables of the template for an exhibit."""
+    crop, (_, *made) = exhibit.crop, exhibit.pictures
+    where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
+    if exhibit.stops:
+        where += f", {'brightened' if exhibit.stops > 0 else 'darkened'} by {abs(exhibit.stops):.1f} stops"
+    return {
+        "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
+        "where": where,
+        "look": _look(*(each.psnr for each in made)) if len(made) == 2 else "",
+        "pictures": [(each.title, each.psnr, embed_picture(each.pixels)) for each in exhibit.pictures],
+    }
+
+
+def _look(ours: Psnr, rival: Psnr) -> str:
+    """What to look at: the plane in which the better picture saves most of the other's mean squared error."""
+    better, worse = max(ours, rival), min(ours, rival)
+    saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in zip(better, worse, strict=True)]
+    luminance, chrominance = ours[1] - rival[1], ours[2] - rival[2]
+    what = "fine detail and noise in brightness"
+    if saved[2] > saved[1]:
+        what = "colour: its hue, its edges, its noise"
+    nearer = "ours" if ours > rival else "the rival"
+    leads = f"luminance {luminance:+.1f} dB, chrominance {chrominance:+.1f} dB"
+    return f"Look at {what}. Here {nearer} is nearer to the truth; ours minus rival: {leads}."

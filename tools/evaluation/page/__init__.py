@@ -1,1 +1,0 @@
-"""The evaluation report: one page with verdict, plots, gallery and tables."""

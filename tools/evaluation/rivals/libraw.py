@@ -1,0 +1,79 @@
+"""DCB by LibRaw, the code behind nearly every free raw developer and many viewers.
+
+LibRaw takes 16-bit integers. Codes have a pedestal, so that noise below black or above white is not clipped.
+"""
+
+import io
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import FloatArray
+from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
+from shared.tiff import FieldType
+from tools.simulation.bayer import ORDER
+from tools.simulation.protocols.protocol import BayerShot
+
+from ..cameras import with_balance
+from ..method import Method
+
+_HEADROOM = 1.02  # range of the codes, as a multiple of the samples'
+
+
+def demosaic_libraw(mosaic: FloatArray) -> FloatArray:
+    """DCB's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), scene units. LibRaw refuses frames smaller than 22 x 22."""
+    codes, black, white = encode_codes(mosaic)
+    picture = develop(encode_bayer_dng(codes), "DCB")
+    return ((picture - np.float32(black)) / np.float32(white - black)).astype(np.float32)
+
+
+def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
+    """Codes of samples in scene units, none clipped, also below 0 and above 1; and the codes of black and white."""
+    low, high = min(0.0, float(mosaic.min())), max(1.0, float(mosaic.max()))
+    scale = 65535 / ((high - low) * _HEADROOM)
+    black = -low * scale + (65535 - (high - low) * scale) / 2 * (low < 0)
+    white = black + scale
+    return np.rint(mosaic * (white - black) + black).clip(0, 65535).astype(np.uint16), black, white
+
+
+def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
+    """Linear camera colours, uint16 (H, W, 3), that one of LibRaw's algorithms makes of a Bayer file in memory."""
+    import rawpy
+
+    with rawpy.imread(io.BytesIO(data)) as raw:
+        developed: Any = raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm],
+            output_bps=16,
+            gamma=(1, 1),
+            output_color=rawpy.ColorSpace.raw,
+            user_wb=[1.0, 1.0, 1.0, 1.0],
+            user_black=0,
+            user_sat=65535,
+            adjust_maximum_thr=0.0,
+            no_auto_bright=True,
+            user_flip=0,
+        )
+    return np.asarray(developed, np.uint16)
+
+
+def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
+    """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535."""
+    from tifffile import imwrite
+
+    fields = (
+        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
+        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
+        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION)),
+        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
+    )
+    file = io.BytesIO()
+    imwrite(file, codes, photometric=Photometric.CFA, extratags=[(*field, True) for field in fields], metadata=None)
+    return file.getvalue()
+
+
+def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
+    return with_balance(demosaic_libraw, shot.samples, white)
+
+
+METHODS = (Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",), seconds=0.2),)
