@@ -4,161 +4,82 @@ import argparse
 import importlib
 import io
 import os
-import re
 import signal
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from itertools import takewhile
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
+from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line
 from tools.batch.signals import INTERRUPTED, Terminated, orderly_end
 from tools.io.versions import program_version
 
-# Verb -> what it does. Each is a module of `tools.commands` (with _ for -) that has `add_arguments(parser)` and `run(arguments,
-# console)`, which returns the exit code. Only the one that is asked for is imported, so that --help is fast.
+# Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has `add_arguments(parser)` and
+# `run(arguments, console)`, which returns the exit code. Only the requested one is imported, so that --help is fast.
 VERBS = {
     "demo": "run the whole chain on a built-in scene, and compare it with a Bayer camera",
     "simulate": "photograph a scene (camera RAW or picture) with a simulated camera",
+    "render": "make the full-quality pictures of shots",
+    "burst": "merge a series of one scene into one picture, with less noise and more colour",
+    "preview": "make the camera's own preview of shots",
     "inspect": "show what is in a shot; check whole archives for damage",
     "identify": "find out which pattern of filters the sensor has that took a raw frame",
     "capture": "save a camera's frames as shots, each with its preview",
     "view": "show a camera's live picture on a web page, with a button that saves a shot",
-    "preview": "make the camera's own preview of shots",
-    "render": "make the full-quality pictures of shots",
-    "burst": "merge a series of one scene into one picture, with less noise and more colour",
+    "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
     "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
     "doctor": "check the installation, and say how to repair it",
-    "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
-
-
 GONE = {
-    "design": "panchroma evaluate SCENE ... --pattern TILE ... compares tiles; offline/README.md, Which tile?, has the figures",
+    "design": "panchroma evaluate SCENE ... --pattern TILE,TILE compares tiles; offline/README.md, Which tile?, has the figures",
     "export-preview": "panchroma preview SHOT --export FILE.onnx",
-    "--report": "panchroma burst --json says what became of each frame",
-    "--show": "the page shows the squares where methods differ most",
-    "--uncertainty": "how far a pixel may be off is no longer stated",
     "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
+    "--defects": "list the pixels under defects in a camera.json, and use --camera",
     "--edges": "a sparse-colour sensor hardly sees lateral chromatic aberration",
+    "--layout": "--raw writes the samples alone",
+    "--max-pixels": "the environment variable PANCHROMA_MAX_PIXELS sets the limit",
+    "--moving": "the scene of a burst stands still",
     "--no-chart": "gamma is measured from a chart",
-    "--shard": "start panchroma render --resume several times: commands share a folder, and each picture is made once",
-    "--scheduler-file": "give --scheduler the address in this file, tcp://HOST:PORT",
+    "--no-page": "the page is always written",
+    "--period": "--pattern K=4 is the paper's pattern with the period 4",
+    "--protocol": "--sigma or --light says which noise is meant",
+    "--report": "panchroma burst --json says what became of each frame",
+    "--rotation": "--motion moves the frames of a burst",
+    "--scheduler-file": "--scheduler takes the address of the scheduler",
+    "--shard": "several runs with --resume share one folder",
+    "--show": "the page shows the squares where methods differ most",
+    "--threads": "-j sets processes; the environment variable PANCHROMA_THREADS sets the threads of each",
+    "--uncertainty": "how far a pixel may be off is no longer stated",
+    "--wait": "a recording waits by itself: panchroma capture - < FILE",
+    "--workers": "-j N",
 }
 """Verbs and options of earlier versions -> what to use instead, or why they are not needed."""
+_STILL = {"--report": ("calibrate",)}  # verbs that have an option that others have lost
+FAILED, USAGE = 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
-    """Shows wrong arguments, whatever they contain, on one line after one of usage, and texts to readers who may leave."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings)
-        self._negative_number_matcher = re.compile(r"-\.?\d.*")  # argparse takes -2,0 for an option otherwise
+    """An ArgumentParser without abbreviations, whose errors are one line whatever the arguments contain."""
 
     def error(self, message: str) -> NoReturn:
         super().error(one_line(message))
 
-    def format_usage(self) -> str:
-        """One line: what has to be there, and that there are options."""
-        named = [action for action in self._actions if action.required or not action.option_strings]
-        words = [
-            f"{action.option_strings[0]} {action.metavar}"
-            if action.option_strings
-            else f"{action.metavar}{' ...' * bool(action.nargs)}"
-            for action in sorted(named, key=lambda action: bool(action.option_strings))
-            if action.help != argparse.SUPPRESS
-        ]
-        return f"usage: {self.prog} {' '.join([*words, '[options]'])}\n"
-
-    def format_help(self) -> str:
-        """The help, with that line."""
-        self.usage = one_line(self.format_usage().removeprefix("usage: ").strip()).replace("%", "%%")
-        return super().format_help()
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As argparse, but a verb itself refuses what it does not know, before it misses anything, with its own usage."""
-        known = self._option_string_actions
-        if self._subparsers is None:
-            for option in takewhile("--".__ne__, args):
-                if self._is_unknown(option.partition("=")[0]):
-                    self.error(_unknown_option(option.partition("=")[0], known))
-        found, unknown = super().parse_known_args(args, namespace)
-        if unknown:
-            word = unknown[0]
-            self.error(_unknown_option(word, known) if word.startswith("-") else f"{word} is one argument too many")
-        return found, unknown
-
-    def _is_unknown(self, word: str) -> bool:
-        """Whether a word looks like an option and is none, nor the beginning of one, nor a short one with its value."""
-        if len(word) < 2 or not word.startswith("-") or " " in word or self._negative_number_matcher.match(word):
-            return False
-        known = self._option_string_actions
-        return not (any(each.startswith(word) for each in known) or (word[1] != "-" and word[:2] in known))
-
-    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
-        try:
-            return super()._get_value(action, arg_string)
-        except argparse.ArgumentError as error:
-            expected = {int: "a whole number", float: "a number"}.get(action.type)  # type: ignore[call-overload]
-            raise argparse.ArgumentError(action, f"{arg_string!r} is not {expected}" if expected else error.message) from None
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is not None and value not in action.choices:
-            from shared.spelling import meant
-
-            names = [str(choice) for choice in action.choices]
-            raise argparse.ArgumentError(action, f"{value!r} is none of {', '.join(names)}{meant(str(value), names)}")
-
-    def _print_message(self, message: str, file: Any = None) -> None:  # argparse's own lets errors out or drops them
-        if file is sys.stdout:
-            to_stdout(message.rstrip("\n"))
-        else:
-            with suppress(OSError):
-                sys.stderr.write(message)
-
-
-class _Help(argparse.HelpFormatter):
-    """Shows defaults, except those that say nothing: None, False, empty ones, and those that the help names."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        default, said = action.default, action.help or ""
-        if (
-            default in (None, (), [], argparse.SUPPRESS)
-            or isinstance(default, bool)
-            or "(default" in said
-            or not action.option_strings
-        ):
-            return action.help
-        values = default if isinstance(default, list) else [default]
-        return f"{said} (default: {' '.join(f'{each:g}' if isinstance(each, float) else str(each) for each in values)})"
-
-
-FAILED, USAGE = 1, 2
-_ALONE = ("--help", "--version")  # options without a verb
-# Options of every verb, which may also stand before it.
-_QUIET, _VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
-
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
-    arguments = _verb_first(list(sys.argv[1:] if argv is None else argv))
+    arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
-    console = Console(verbose=(verbose := not set(_VERBOSE).isdisjoint(arguments)))
+    console = Console(verbose=not {"-v", "--verbose"}.isdisjoint(arguments))
     try:
         with orderly_end(last=argv is None), warnings.catch_warnings():
             code = 0
             try:
-                _check_verb(arguments)
-                parser, verbs = _parser(arguments[0])
-                options = _options(verbs[arguments[0]]) if arguments[0] in verbs else {}
-                console = Console(verbose=verbose, options=options)
+                parser = build_parser(next((word for word in arguments if word in VERBS), ""))
+                _refuse_removed(parser, arguments)
                 parsed = parser.parse_args(arguments)
-                as_json = getattr(parsed, "json", False)
-                console = Console(json=as_json, quiet=parsed.quiet, verbose=parsed.verbose, options=options)
+                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, verbose=parsed.verbose)
                 note_warnings(console.note)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)
@@ -182,6 +103,63 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
+def build_parser(verb: str) -> argparse.ArgumentParser:
+    """Return the parser of the command line. verb: the only one whose options are added; importing all would take a second."""
+    parser = _Parser(
+        prog="panchroma",
+        usage="panchroma VERB ... [options]",
+        description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
+        epilog="panchroma VERB --help shows the options of a verb.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
+    _add_common(parser, quiet=False, verbose=False)
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, summary in VERBS.items():
+        child = verbs.add_parser(
+            name,
+            help=summary,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            usage=f"panchroma {name} ...",
+        )
+        if name == verb:
+            module = _module(name)
+            child.description = module.__doc__
+            child.usage = f"panchroma {name} {module.USAGE} [options]"
+            child.epilog = f"example:\n  {module.EXAMPLE}"
+            module.add_arguments(child)
+            _add_common(child, quiet=argparse.SUPPRESS, verbose=argparse.SUPPRESS)
+    return parser
+
+
+def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object) -> None:
+    """Add the options of every verb, which may stand before the verb, too; their defaults."""
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", default=quiet, help="show neither progress nor notes; errors and results remain"
+    )
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", default=verbose, help="show the traceback of an error that is a fault of Panchroma"
+    )
+
+
+def _refuse_removed(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
+    """End with usage and what to use instead if a verb or an option is one of earlier versions."""
+    verb = next((word for word in arguments if not word.startswith("-")), "")
+    if verb in GONE:
+        parser.error(f"there is no verb {verb} any more: {GONE[verb]}")
+    for word in arguments:
+        option = word.partition("=")[0]
+        if word == "--":
+            return
+        if option.startswith("--") and option in GONE and verb not in _STILL.get(option, ()):
+            parser.error(f"there is no option {option} any more: {GONE[option]}")
+
+
+def _module(verb: str) -> ModuleType:
+    return importlib.import_module(f"tools.commands.{verb}")
+
+
 def _open_streams() -> None:
     """Make both streams writable: the caller may have closed one, and file names may not fit the locale's encoding."""
     for name in ("stdout", "stderr"):
@@ -199,69 +177,3 @@ def _without_stdout(error: StandardOutputError, console: Console) -> int:
         return 128 + signal.SIGPIPE
     console.error(str(error))
     return FAILED
-
-
-def _parser(asked: str | None) -> tuple[_Parser, dict[str, _Parser]]:
-    """The parser of all, and that of each verb; only the verb that is asked for has its options."""
-    parser = _Parser(
-        prog="panchroma",
-        description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
-        epilog="panchroma VERB --help shows the options of a verb.",
-    )
-    asks_version = asked and "--version".startswith(asked)  # to look it up takes longer than all else here
-    parser.add_argument("--version", action="version", version=f"panchroma {program_version()}" if asks_version else "")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for verb, summary in VERBS.items():
-        child = verbs.add_parser(verb, help=summary, formatter_class=_Help)
-        if verb == asked:
-            module = _module(verb)
-            child.description = module.__doc__
-            module.add_arguments(child)
-            child.add_argument(*_QUIET, action="store_true", help="show neither progress nor notes; errors and results remain")
-            child.add_argument(*_VERBOSE, action="store_true", help="show the traceback of an error that is a fault of Panchroma")
-    return parser, verbs.choices
-
-
-def _options(parser: _Parser) -> dict[str, str]:
-    """What the libraries' texts call an option, its argument's name -> the option."""
-    return {action.dest: action.option_strings[-1] for action in parser._actions if action.option_strings}
-
-
-def _verb_first(arguments: list[str]) -> list[str]:
-    """The arguments, with what stands before the verb and belongs to every verb behind it."""
-    common = list(takewhile((*_QUIET, *_VERBOSE).__contains__, arguments))
-    verb, *others = arguments[len(common) :] or [""]
-    return [verb, *common, *others]
-
-
-def _check_verb(arguments: list[str]) -> None:
-    """End with usage and what is wrong, unless the first argument is a verb, or asks for help or the version."""
-    word = arguments[0] if arguments else ""
-    if word in VERBS or (word.startswith("-") and any(each.startswith(word) for each in ("-h", *_ALONE))):
-        return
-    if word in GONE:
-        _parser(None)[0].error(f"there is no verb {word} any more: {GONE[word]}")
-    from shared.spelling import closest
-
-    later = next((each for each in arguments if each in VERBS), None)
-    likely = closest(word, VERBS) or later
-    parser, verbs = _parser(likely)
-    if later and likely == later:
-        verbs[later].error(f"the verb comes first: panchroma {later} ...")
-    if likely:
-        verbs[likely].error(f"there is no verb {word}; did you mean {likely}?")
-    if word.startswith("-"):
-        parser.error(_unknown_option(word, _ALONE))
-    parser.error(f"{f'there is no verb {word}' if word else 'a verb is missing'}; panchroma --help lists them")
-
-
-def _unknown_option(option: str, known: Iterable[str]) -> str:
-    from shared.spelling import meant  # not at the top: it imports NumPy
-
-    if option in GONE:
-        return f"there is no option {option} any more: {GONE[option]}"
-    return f"there is no option {option}{meant(option, known)}"
-
-
-def _module(verb: str) -> ModuleType:
-    return importlib.import_module(f"tools.commands.{verb.replace('-', '_')}")

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from tools.evaluation.rivals.integers import Levels
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.bayer import bayer_mosaic
 from tests.data import DATA
-from tools.evaluation.rivals.integers import Levels
 from tools.simulation.drawn.builtin import builtin_scene
 from tools.simulation.load import load_scene
 from tools.simulation.sensor import simulate_additive

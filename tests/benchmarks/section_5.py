@@ -17,6 +17,7 @@ from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
+from tools.evaluation.rivals.planes import denoised_planes, planes
 
 from device import Preview
 from offline import BEST, PAPER, PRESETS, render, use_threads
@@ -27,7 +28,6 @@ from tests.benchmarks.harness import PATTERN, options
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import BORDER, quality
-from tools.evaluation.rivals.planes import denoised_planes, planes
 from tools.evaluation.scene_sets import cut
 from tools.io.scene import Scene
 from tools.simulation.drawn.spectral import BANDS

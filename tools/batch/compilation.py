@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from shared.processors import available_threads, use_threads
 from tools.batch.memory import available_memory
 from tools.batch.parallel import processes as worker_processes
 from tools.batch.progress import Note, StageProgress
@@ -29,12 +28,6 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
     tell = _teller(progress)
     with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
         yield
-
-
-def limit_threads(count: int | None) -> None:
-    """Let the renderer use so many threads in this process; None: one per processor."""
-    if count is not None:
-        use_threads(min(count, available_threads()))
 
 
 def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:

@@ -6,7 +6,7 @@ import sys
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,14 +49,9 @@ class Console:
     json: standard output is for machines; what people read goes to standard error.
     quiet: standard error is for errors alone.
     verbose: an error that nobody foresaw is followed by its traceback, each once.
-    options: what an argument is called on the command line: "max_pixels" -> "--max-pixels". Texts of the libraries name arguments
-        as `max_pixels`, or with a value as `space="camera"`; here they are options.
     """
 
-    def __init__(
-        self, *, json: bool = False, quiet: bool = False, verbose: bool = False, options: Mapping[str, str] | None = None
-    ) -> None:
-        self._options = options or {}
+    def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
         self._traced: set[str] | None = set() if verbose else None  # tracebacks that have been shown, without what they say
         self._json = json
         self._quiet = quiet
@@ -65,16 +60,16 @@ class Console:
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines. Raises StandardOutputError."""
         if not self._json:
-            to_stdout(*(one_line(self.worded(line)) for line in lines))
+            to_stdout(*(one_line(line) for line in lines))
         elif not self._quiet:
             for line in lines:
-                to_stderr(self.worded(line))
+                to_stderr(line)
 
     def note(self, *texts: str) -> None:
         """Print remarks to stderr."""
         if not self._quiet:
             for text in texts:
-                to_stderr(self.worded(text))
+                to_stderr(text)
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
@@ -83,7 +78,7 @@ class Console:
     def error(self, *texts: str, cause: BaseException | None = None) -> None:
         """Print a line to stderr for each thing that failed. cause: what was raised; a `PanchromaError` has no traceback."""
         for text in texts:
-            to_stderr(f"panchroma: {self.worded(text)}")
+            to_stderr(f"panchroma: {text}")
         if cause is not None and self._traced is not None:
             self._trace(cause, self._traced)
 
@@ -101,19 +96,7 @@ class Console:
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
         if self._json:
-            if "error" in facts:
-                facts["error"] = self.worded(facts["error"])
             to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
-
-    def worded(self, text: str) -> str:
-        """A text of a library in the words of the command line."""
-        return _ARGUMENT.sub(self._option, text)
-
-    def _option(self, found: re.Match[str]) -> str:
-        option, value = self._options.get(found[1]), (found[2] or "").strip('"')
-        if option is None:
-            return found[0]
-        return f"{option} {value}" if value not in ("", "True") else option
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
@@ -147,7 +130,7 @@ def fault(error: BaseException) -> str:
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in OUR_PACKAGES)]
     place = (ours or frames)[-1]
-    where = f"{Path(place.filename).name}:{place.lineno} (`verbose=True` shows the traceback)"
+    where = f"{Path(place.filename).name}:{place.lineno} (-v shows the traceback)"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
 
 
@@ -208,7 +191,6 @@ def one_line(text: str) -> str:
     return text if text.isprintable() else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
 
 
-_ARGUMENT = re.compile(r"`(\w+)(?:=([^`]+))?`")
 _BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
 _JOINERS = "\u200c\u200d"  # needed to write Persian, and some languages of India; they only join letters or part them
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 
 from shared.errors import OutputError, PanchromaError
-from shared.processors import processors
+from shared.processors import available_threads, processors
 from shared.writing import sweep
 from tools.batch.console import Console
 from tools.batch.jobs import Job, Outcome, State, do_jobs, file_status
@@ -33,7 +33,6 @@ def render_all(
     console: Console,
     *,
     jobs: int | None,
-    threads: int | None,
     memory: int | None,
     scheduler: str | None = None,
 ) -> Counter[State]:
@@ -41,7 +40,6 @@ def render_all(
 
     jobs: number of processes, fewer where memory is short; None = one for a few shots, otherwise one per processor. One is this
         process; if there is only one shot, the console shows its stages.
-    threads: of each process; None = as many as there are processors for.
     memory: bytes for all processes together, on a cluster for each worker; None = most of what is free.
     scheduler: address of a dask scheduler, whose workers render; they see the same folders.
     Raises SchedulerGoneError when the scheduler ends.
@@ -58,11 +56,11 @@ def render_all(
         for folder in {shot.output.parent for shot in shots}:
             stack.callback(sweep, folder)  # what killed processes leave
         allowed = allowed_memory(memory)
-        count = 1 if elsewhere else _processes(order, shots, jobs, threads, allowed, note)
-        threads_each = threads or max(1, processors() // count)
+        count = 1 if elsewhere else _processes(order, shots, jobs, allowed, note)
+        threads_each = min(available_threads(), max(1, processors() // count))
         if elsewhere:
             executor = stack.enter_context(cluster(scheduler or "", note))
-            work = partial(_on_worker, order, threads, memory)
+            work = partial(_on_worker, order, memory)
             results = _seen(executor.run(work, shots, note))
         elif count > 1:
             compile_ahead([order.settings], count, StageProgress(note=note))
@@ -80,14 +78,13 @@ def _processes(
     order: Order,
     shots: Sequence[Job],
     jobs: int | None,
-    threads: int | None,
     memory: int,
     note: Note,
 ) -> int:
     """Choose the number of processes, see `render_all`."""
     cores = processors()
     many = len(shots) >= _MANY * cores
-    most = jobs if jobs is not None else max(1, cores // (threads or 1)) if many else 1
+    most = jobs if jobs is not None else cores if many else 1
     most = min(most, len(shots))
     if order.dry_run or most <= 1:
         return 1
@@ -113,13 +110,13 @@ def _absolute(shot: Job) -> Job:
     return replace(shot, source=absolute_path(shot.source), outputs=outputs)
 
 
-def _on_worker(order: Order, threads: int | None, memory: int | None, shot: Job, listener: StageProgress) -> Outcome:
-    """Render on a dask worker, see `attempt`; by default with as many threads as it was started with."""
+def _on_worker(order: Order, memory: int | None, shot: Job, listener: StageProgress) -> Outcome:
+    """Render on a dask worker, see `attempt`, with as many threads as it was started with."""
     from distributed import get_worker
 
-    from offline import available_threads, use_threads
+    from offline import use_threads
 
-    use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # of this thread
+    use_threads(min(get_worker().state.nthreads, available_threads()))  # of this thread
     return attempt(order, allowed_memory(memory), 1, shot, listener)
 
 

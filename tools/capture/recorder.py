@@ -20,17 +20,13 @@ class Recorder:
     folder: an existing folder.
     latest: see `ShotFolder`.
     burst: number of frames that are taken as fast as they come, and saved under one name; None = each on its own.
-    wait: the source waits instead of dropping frames, as a recording does.
-    threads: of the preview; None = one per core.
     Raises InputError and OutputError as `ShotFolder` does.
     """
 
-    def __init__(
-        self, source: FrameSource, folder: Path, latest: Path | None, *, burst: int | None, wait: bool, threads: int | None
-    ) -> None:
-        self._source, self._burst, self._wait = source, burst, wait or source.waits
+    def __init__(self, source: FrameSource, folder: Path, latest: Path | None, *, burst: int | None) -> None:
+        self._source, self._burst = source, burst
         self._shots = ShotFolder(folder, latest)
-        self._preview = preview_maker(source.sensor, threads=threads)
+        self._preview = preview_maker(source.sensor)
         self._queue: FrameQueue | None = None
 
     @property
@@ -54,7 +50,7 @@ class Recorder:
         frames, sensor, burst = self._source.frames(stopped, refused, note), self._source.sensor, self._burst
         if burst:  # all frames may wait: none is dropped, and no more are read
             frames = islice(frames, burst)
-        self._queue = queue = FrameQueue(frames, burst or _DEPTH, wait=self._wait, stopped=stopped)
+        self._queue = queue = FrameQueue(frames, burst or _DEPTH, wait=self._source.waits, stopped=stopped)
         to = sensor, self._preview, self._shots
         for outcome in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
             if isinstance(outcome, Saved):

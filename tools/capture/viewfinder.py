@@ -172,17 +172,14 @@ class LiveView:
     folder: existing folder in which shots are saved; None = shots cannot be saved.
     latest: see `ShotFolder`.
     scale: sensor pixels per picture pixel, each way; None = such that the picture fits a page.
-    threads: of the preview; None = one per core.
     Raises InputError and OutputError as `Preview` and `ShotFolder` do.
     """
 
-    def __init__(
-        self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None, threads: int | None
-    ) -> None:
+    def __init__(self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None) -> None:
         self._source, sensor = source, source.sensor
         shots = ShotFolder(folder, latest) if folder else None
         scale = fitting_scale(sensor.layout.width, sensor.pattern) if scale is None else scale
-        self._preview = preview_maker(sensor, scale=scale, threads=threads)
+        self._preview = preview_maker(sensor, scale=scale)
         self._queue: FrameQueue | None = None
         self.finder = Viewfinder(lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots)
 

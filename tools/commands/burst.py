@@ -13,36 +13,39 @@ from shared import read_dng
 from shared.errors import InputError
 from tools.batch.burst import BurstOrder
 from tools.batch.burst_files import series, series_stem
-from tools.batch.compilation import limit_threads
 from tools.batch.console import Console
 from tools.batch.folders import DNGS, search
 from tools.batch.jobs import FAILED, Job, identity, possible_jobs
 from tools.batch.run import render_all
 
-from .options import add, numbers, option
+from .options import add, numbers, pixel_limit
 from .picture_options import add_picture, add_run, order_fields
+
+USAGE = "SHOT ... -o DIR"
+EXAMPLE = "panchroma burst shots/20261127-101500-*.dng -o pictures"
+
+
+def _shifts(text: str) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(numbers(2, "2,-0.5"), text.split()))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma burst`."""
-    option(parser, "SHOT ...", "the DNGs of one series, or a folder with them in it or below", dest="shots")
-    add(parser, "output", files="STEM.EXT")
-    option(parser, "--reference SHOT", "the frame that the picture shows (default: the first of the sharpest)")
-    option(
-        parser,
-        "--shifts X,Y ...",
-        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down; nothing is "
-        "aligned then, and the reference is the first shot by default",
-        type=numbers(2, "2,-0.5"),
+    parser.add_argument("shots", metavar="SHOT", nargs="+", help="the DNGs of one series, or a folder with them in it or below")
+    add(parser, "output", help="folder for STEM.EXT, created if missing")
+    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")
+    shifts = (
+        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down: X,Y for each shot, "
+        "with blanks between them; nothing is aligned then, and the reference is the first shot by default"
     )
-    add_picture(parser, "best", "unlearned")
+    parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
+    add_picture(parser, "best")
     add_run(parser)
-    add(parser, "json", each="picture")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
-    limit_threads(arguments.threads)
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix
     found = search(arguments.shots, DNGS, output=folder)
@@ -50,12 +53,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     names = series(found.sources)
     if len(names) < 2:
-        read_dng(names[0], max_pixels=arguments.max_pixels)  # says what is wrong with it
+        read_dng(names[0], max_pixels=pixel_limit())  # says what is wrong with it
         raise InputError(f"{names[0]}: is one frame, expected two or more of one scene; panchroma render renders a shot")
-    shifts = tuple(arguments.shifts)
+    shifts = arguments.shifts
     if shifts and len(shifts) != len(names):
         raise InputError(
-            f"--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as 0,0 2,0 0,2 2,2"
+            f'--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as "0,0 2,0 0,2 2,2"'
         )
     reference = None
     if arguments.reference is not None:
@@ -66,5 +69,5 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     job = Job(names[0], (folder / f"{series_stem(names)}{suffix}",), all(each.found for each in found.sources), tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
-    states = render_all(order, jobs, console, jobs=1, threads=arguments.threads, memory=arguments.max_memory)
+    states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
     return 0 if possible and not states["failed"] else FAILED

@@ -24,39 +24,50 @@ from tools.batch.jobs import FAILED, output_folder, refuse_existing
 from tools.io.colour import lab_to_xyz
 from tools.io.versions import program_version
 
-from .options import add, numbers, option, text
+from .options import add, numbers, text, value
 
 if TYPE_CHECKING:
     from tools.calibration.measure import Conclusion
 
+USAGE = "[SHOT ...] -o FILE"
+EXAMPLE = "panchroma calibrate chart.dng --dark darks --flat flats -o camera.json --report report"
+
+
+def _named_light(text: str) -> tuple[str, str]:
+    light, path = text.split("=", 1)
+    return light.upper().removesuffix("K"), path
+
+
+_light = value(_named_light, "a light and a file or folder, such as D65=charts", all)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma calibrate`."""
-    option(
-        parser, "SHOT ...", "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below", dest="shots", nargs="*"
-    )
-    option(parser, "-o --output FILE", "camera.json to write", required=True)
+    shots = "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below"
+    parser.add_argument("shots", metavar="SHOT", nargs="*", help=shots)
+    add(parser, "output", metavar="FILE", help="camera.json to write")
     frames = {
         "dark": "a frame with the lens covered: black level, read noise, defects",
         "flat": "an evenly lit frame: shading; two of each exposure: gain, read noise",
     }
     for kind, shown in frames.items():
-        option(parser, f"--{kind} F", f"{shown}; or a folder of them; repeatable", action="append", default=[])
-    option(
-        parser,
-        "--chart-light LIGHT F ...",
-        "twice, in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200), and shots of the chart under it "
-        "(or folders of them); pictures under any light between the two then have the right colours",
-        action="append",
+        repeated = f"{shown}; or a folder of them; repeat it for more"
+        parser.add_argument(f"--{kind}", metavar="F", action="append", default=[], help=repeated)
+    light = (
+        "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder of "
+        "them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
     )
+    parser.add_argument("--chart-light", metavar="LIGHT=F", action="append", default=[], type=_light, help=light)
     corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
-    option(parser, "--corners X,Y", corners, nargs=4, type=numbers(2, "12,34.5"))
-    option(parser, "--chart FILE", "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)")
-    option(parser, "--sensor NAME", "name of the sensor (default: the name in the shots)", type=text)
-    option(parser, "--report DIR", "folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
-    option(parser, "--update", "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file")
-    option(parser, "--overwrite", "replace FILE and the report; FILE.bak keeps the old file")
-    add(parser, "json", each="shot, then one for the result,")
+    parser.add_argument("--corners", metavar="X,Y", nargs=4, type=numbers(2, "12,34.5"), help=corners)
+    colours = "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
+    parser.add_argument("--chart", metavar="FILE", help=colours)
+    parser.add_argument("--sensor", metavar="NAME", type=text, help="name of the sensor (default: the name in the shots)")
+    parser.add_argument("--report", metavar="DIR", help="folder for report.html, created if missing")
+    update = "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
+    parser.add_argument("--update", action="store_true", help=update)
+    add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -104,7 +115,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(*conclusion.contradictions)
     console.note(*(f"warning: {line}" for line in conclusion.warnings))
     if folder is not None:
-        write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
+        write_durably(folder / "report.html", report(conclusion, provenance), overwrite=True)
         for name, content in (each for part in conclusion.parts for each in part.files.items()):
             write_durably(folder / name, content, overwrite=True)
         console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
@@ -120,20 +131,18 @@ def color_checker_xyz() -> DoubleArray:
 
 def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
     """The shots of the chart under each of two lights; empty if there is one, which needs no name."""
-    given: list[list[str]] = arguments.chart_light
-    if not given:
-        return {}
-    names = [name.upper().removesuffix("K") for name, *_ in given]
-    for name, (said, *shots) in zip(names, given, strict=True):
-        illuminant_xy(name)
-        if not shots:
-            raise InputError(f"--chart-light {said}: name the shots of the chart under this light")
-    if len(names) != 2:
+    shots: dict[str, list[str]] = {}
+    for light, path in arguments.chart_light:
+        illuminant_xy(light)
+        shots.setdefault(light, []).append(path)
+    if len(shots) not in (0, 2):
         raise InputError(
-            "--chart-light is given once for each of two lights, with shots of the chart under it; charts under one light need none"
+            "--chart-light names two lights, with shots of the chart under each: --chart-light A=F --chart-light D65=F; "
+            "charts under one light need none"
         )
-    check_apart(*names)
-    return {name: shots for name, (_, *shots) in zip(names, given, strict=True)}
+    if shots:
+        check_apart(*shots)
+    return shots
 
 
 def _refused(output: Path, error: str, console: Console, **facts: str) -> int:
@@ -160,6 +169,6 @@ def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: 
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     name = calibration.sensor or "unnamed sensor"
     console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")
-    warnings = [console.worded(line) for line in (*conclusion.contradictions, *conclusion.warnings)]
+    warnings = [*conclusion.contradictions, *conclusion.warnings]
     console.record(source=str(output), ok=True, verdict=verdict, warnings=warnings, camera=camera.to_json(), id=calibration.id)
     return FAILED if conclusion.evidence.seen.skipped else 0

@@ -25,33 +25,31 @@ from tools.capture.recorder import Recorder
 from tools.capture.source import FrameSource
 
 from .frame_options import add_source, source_of
-from .options import add, count, option
+from .options import add, count
 
 _OTHER_FILES = 64  # that a command has open beside those of a burst
+
+USAGE = "SOURCE -o DIR"
+EXAMPLE = "panchroma capture builtin:1200x800@10 -o shots --frames 20"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma capture`."""
     add_source(parser)
-    add(parser, "output", files="the shots")
-    option(parser, "--frames N", "stop after N shots (default: when the stream ends)", type=count)
-    option(parser, "--burst N", "save one burst of N frames, all or none, and stop", type=count)
-    option(parser, "--wait", "let the stream wait, drop nothing: for a piped recording")
-    add(parser, "latest", "threads", of=" of the preview")
-    add(parser, "json", each="frame")
+    add(parser, "output", help="folder for the shots, created if missing")
+    parser.add_argument("--frames", metavar="N", type=count, help="stop after N shots (default: when the stream ends)")
+    parser.add_argument("--burst", metavar="N", type=count, help="save one burst of N frames, all or none, and stop")
+    add(parser, "latest", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
     if arguments.burst and arguments.frames:
         raise InputError("--frames does not go with --burst: it counts single shots")
-    if arguments.wait and arguments.source.startswith(("builtin:", "genicam:")):
-        raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = source_of(arguments)
     if arguments.burst:
         _check_limits(arguments.burst, source)
-    folder, how = output_folder(arguments.output), {name: getattr(arguments, name) for name in ("burst", "wait", "threads")}
-    recorder = Recorder(source, folder, arguments.latest, **how)
+    recorder = Recorder(source, output_folder(arguments.output), arguments.latest, burst=arguments.burst)
     console.note(*source.notes)
     saved = failed = 0
     doubtful = DoubtfulShots()

@@ -18,7 +18,6 @@ import numpy as np
 from shared import CfaPattern, Mosaic, read_dng, write_dng
 from shared.arrays import FloatArray
 from shared.dng import read_preview
-from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
 from tools.batch.console import Console
@@ -38,12 +37,13 @@ from tools.simulation.drawn.builtin import builtin_scene
 from tools.simulation.protocols import PaperProtocol
 from tools.simulation.simulated_camera import SimulatedCamera
 
-from .options import add, count, factor, option
+from .options import add
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 _WIDTH, _HEIGHT, _SEED = 1200, 800, 0
+_NOISE = PaperProtocol(0.01)
 _FOLDER = "panchroma-demo"
 _FRAMES, _MOTION = 8, (3.0, 0.3)  # of a burst; pixels and degrees
 _DRAWN, _PIXEL = (1800, 1200), 2  # the scene of a burst, and how many of its pixels, each way, are one of the sensor
@@ -56,33 +56,32 @@ _OVERVIEW = (429, 132)
 _CROPS = {"Siemens star": (604, 484), "fine strokes": (676, 944), "leaves": (150, 640)}
 _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seeds": (152, 340)}
 
+USAGE = ""
+EXAMPLE = "panchroma demo"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma demo`."""
-    option(parser, "-o --output DIR", f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)")
-    option(parser, "--sigma SIGMA", "standard deviation of the noise, scene units", type=factor, default=0.01)
-    frames = f"merge a hand-held series of N frames (without N: {_FRAMES})"
-    option(parser, "--burst N", frames, type=count, nargs="?", const=_FRAMES)
-    add(parser, "overwrite")
+    results = f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)"
+    add(parser, "output", required=False, help=results)
+    parser.add_argument("--burst", action="store_true", help=f"merge a hand-held series of {_FRAMES} frames")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write the results and show the comparison; returns the exit code."""
-    noise, frames = PaperProtocol(arguments.sigma), arguments.burst
-    if frames is not None and frames < 2:
-        raise InputError(f"--burst is {frames}, expected 2 frames or more")
-    shots = [f"{frame_name('frame', number + 1, frames)}.dng" for number in range(frames or 0)]
+    frames = _FRAMES if arguments.burst else 0
+    shots = [f"{frame_name('frame', number + 1, frames)}.dng" for number in range(frames)]
     results = (*_BURST_RESULTS, *shots) if shots else _RESULTS
     names = (_FOLDER if number == 1 else f"{_FOLDER}-{number}" for number in itertools.count(1))
     unused = next(name for name in names if not Path(name).exists())
     folder = output_folder(unused if arguments.output is None else arguments.output)
-    demo = _Demo(folder, noise, console, arguments.overwrite)
+    demo = _Demo(folder, console)
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         return Outcome(lines=(*(demo.burst(shots) if shots else demo.shot()), f"{folder}: {', '.join(results)}"))
 
     job = Job("demo", tuple(folder / name for name in results))
-    return run_jobs([job], work, console, overwrite=arguments.overwrite)
+    return run_jobs([job], work, console)
 
 
 @dataclass(frozen=True)
@@ -90,23 +89,21 @@ class _Demo:
     """The chain from a scene to files in a folder, and to a table."""
 
     folder: Path
-    noise: PaperProtocol
     console: Console
-    overwrite: bool
 
     def shot(self) -> list[str]:
         """Run the chain for one shot, write _RESULTS, and return the table."""
         scene = builtin_scene(_WIDTH, _HEIGHT)
         mosaic = self._photographed(scene, SimulatedFrame(scene.rgb), "shot.dng", _SEED)
         preview = self.folder / "preview.jpg"
-        write_durably(preview, read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
+        write_durably(preview, read_preview(self.folder / "shot.dng"))
         self.console.note(f"the camera's own preview is ready: {preview}")
 
         from tools.io.illustrations import overview
 
         with self.console.progress("demo") as progress:
             paper, best = renderings(mosaic, ("paper", "best"), progress)
-        bayer = demosaic_bilinear(self.noise.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
+        bayer = demosaic_bilinear(_NOISE.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
         self._save(mosaic, {"render.png": best.rgb, "render.tif": best.rgb, "truth.tif": scene.rgb})
         self._draw("overview.png", overview(mosaic, best.luminance, best.rgb, _OVERVIEW))
         self._compare(mosaic, {_TRUTH: scene.rgb, _BAYER: bayer, _BEST: best.rgb}, _CROPS)
@@ -132,9 +129,9 @@ class _Demo:
 
     def _photographed(self, scene: Scene, frame: SimulatedFrame, name: str, seed: int) -> Mosaic:
         """A shot of a frame, as its file holds it."""
-        camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=self.noise)
+        camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=_NOISE)
         mosaic, path = camera.shoot(scene, np.random.default_rng(seed), frame).mosaic, self.folder / name
-        write_dng(path, mosaic, Previews()(mosaic), overwrite=self.overwrite)
+        write_dng(path, mosaic, Previews()(mosaic))
         return read_dng(path)
 
     def _save(self, mosaic: Mosaic, pictures: dict[str, FloatArray]) -> None:
@@ -142,7 +139,7 @@ class _Demo:
         for name, rgb in pictures.items():
             kind = PictureKind.of("png") if name.endswith(".png") else _MEASURED
             development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
-            write_picture(self.folder / name, [rgb], development, overwrite=self.overwrite)
+            write_picture(self.folder / name, [rgb], development)
 
     def _compare(self, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: dict[str, tuple[int, int]]) -> None:
         from tools.io.illustrations import comparison
@@ -153,12 +150,12 @@ class _Demo:
     def _draw(self, name: str, figure: "Image") -> None:
         buffer = BytesIO()
         figure.save(buffer, "PNG", optimize=True)
-        write_durably(self.folder / name, buffer.getvalue(), overwrite=self.overwrite)
+        write_durably(self.folder / name, buffer.getvalue())
 
     def _table(self, medians: dict[str, tuple[float, ...]]) -> list[str]:
         """Median PSNR of each method."""
         lines = [
-            f"Median PSNR over all 10 x 10 patches, dB, at sigma {self.noise.level:g}",
+            f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}",
             f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
         ]
         return lines + [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]

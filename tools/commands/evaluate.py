@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared.errors import InputError, OutputError
-from shared.pattern import PERIODS
 from shared.processors import processors
 from shared.tiles import TILES
 from shared.writing import write_durably
@@ -25,42 +24,44 @@ from tools.evaluation.tables import plain_text
 from tools.io.versions import program_version
 from tools.simulation.pattern_text import read_pattern
 
-from .options import add, add_protocol, count, option, protocol_of
+from .options import add, add_noise, count, names, numbers, protocol_of
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Cell, Study
     from tools.evaluation.team import Team
     from tools.evaluation.tiles import Tile
 
+_SEED = 0  # of the noise
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
+
+USAGE = "SCENE ... -o DIR"
+EXAMPLE = "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma evaluate`."""
     scenes = "camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder with them in it or below"
-    option(parser, "SCENE ...", scenes, dest="scenes")
-    add(parser, "output", files="the results")
-    light = parser.add_argument_group("light and noise")
-    add_protocol(light, nargs="+")
-    add(light, "seed", "linear")
-    what = parser.add_argument_group("what is compared")
-    periods = "period of the paper's pattern; with several values the periods are compared (default: 6, unless there is --pattern)"
-    option(what, "--period K ...", periods, type=int)
-    option(
-        what,
-        "--pattern LETTERS ...",
-        "other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, its name "
-        f"({', '.join(map(str.casefold, TILES))}), or a file; C, M and Y are made of red, green and blue",
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
+    add(parser, "output", help="folder for the results, created if missing")
+    light = parser.add_argument_group("light and noise: one or several levels, with commas")
+    add_noise(light, type=numbers(example="0,0.01"))
+    add(light, "linear")
+    what = parser.add_argument_group("what is compared: one or several, with commas")
+    patterns = (
+        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), a name "
+        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; C, M and Y are made of red, "
+        "green and blue (default: K=6)"
     )
-    option(what, "--methods NAME ...", "methods to compare (default: all installed; an unknown name lists them)")
-    rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed"
-    option(what, "--rival FILE.onnx ...", rivals)
-    option(what, "--crop PIXELS", "use only the middle of each scene, for a quick look", type=count)
+    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=["K=6"], help=patterns)
+    methods = "methods to compare (default: all installed; an unknown name lists them)"
+    what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
+    rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed; repeat it for more"
+    what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
+    what.add_argument("--crop", metavar="PIXELS", type=count, help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
-    add(run_, "workers", things="processes", usual="one per core, as memory allows")
+    add(run_, "jobs", help="processes at a time (default: one per core, as memory allows)")
     add(run_, "scheduler", "max-memory", "resume", "overwrite", "dry-run")
-    option(run_, "--no-page", "write only the figures")
-    add(parser, "json", each="scene")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -73,13 +74,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]
+    outputs = [folder / name for name in (_PAGE, _JSON, _CSV)]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
         try:
             refuse_existing(outputs)
         except OutputError as error:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
-    team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
+    team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
     results_folder = folder.absolute() if arguments.scheduler else folder
     todo, there = missing_cells(study, results_folder, anew=arguments.overwrite)
@@ -98,15 +99,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     results = collect(study, folder)
     figures = Figures(study, results)
     program = f"panchroma {program_version()}"
-    page = b""
-    if not arguments.no_page:
-        try:
-            exhibits = render_crops(figures, team)
-        except InputError as error:  # a file that has changed since it was measured
-            console.error(str(error))
-            failures, exhibits = [*failures, str(error)], []
-        named_files = [*arguments.scenes, *arguments.rival]
-        page = build_page(figures, exhibits, program, [without_folders(line, named_files) for line in (*failures, *left_out)])
+    try:
+        exhibits = render_crops(figures, team)
+    except InputError as error:  # a file that has changed since it was measured
+        console.error(str(error))
+        failures, exhibits = [*failures, str(error)], []
+    named_files = [*arguments.scenes, *arguments.rival]
+    page = build_page(figures, exhibits, program, [without_folders(line, named_files) for line in (*failures, *left_out)])
     contents = {_PAGE: page, _JSON: encode_json(figures, program, failures, left_out), _CSV: encode_csv(figures)}
     for path in outputs:
         write_durably(path, contents[path.name], overwrite=arguments.overwrite or arguments.resume)
@@ -134,23 +133,18 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     tiles = _tiles(arguments)
     reading = Reading(arguments.linear, arguments.crop)
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
-    names = tuple(each.name for each in methods)
+    chosen = tuple(each.name for each in methods)
     networks = tuple((each.name, each.file) for each in methods if each.file)
-    study = Study(tuple(scenes), names, levels, tiles, arguments.seed, reading, networks)
+    study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
     console.note(*study.remarks())
     return study, failures, left_out
 
 
 def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
-    """The patterns that --period and --pattern name together; K = 6 if neither is there."""
+    """The patterns of --pattern, each once."""
     from tools.evaluation.tiles import Tile, chosen_tiles
 
-    others = [Tile.named(read_pattern(text), text) for text in arguments.pattern]
-    periods = arguments.period or ([] if others else [6])
-    for period in periods:
-        if period not in PERIODS:
-            raise InputError(f"--period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
-    return chosen_tiles(periods, others)
+    return chosen_tiles([], [Tile.named(read_pattern(text), text) for text in arguments.pattern])
 
 
 def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:

@@ -11,7 +11,7 @@ from tools.batch.signals import starting_service
 from tools.capture.genicam import GENICAM, connected
 from tools.capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
-from .options import add, amount, camera_of, factor, option
+from .options import add, amount, camera_of, factor
 
 LAYOUT = ("width", "height", "pixel_format", "stride")
 """Arguments that `add_layout` adds."""
@@ -33,39 +33,40 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; genicam: lists them), or "
         "builtin:WIDTHxHEIGHT@FPS"
     )
-    option(parser, "SOURCE", sources, dest="source", action=_Source)
+    parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
     frames = add_layout(parser, "the frames of a stream or folder (rpicam-raw prints all this when it starts)")
-    add(frames, "sensor-bits", usual="those of the pixel format")
-    option(
-        frames,
-        "--black N",
+    add(frames, "sensor-bits")
+    black = (
         "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
-        "`calibrate --dark` measures it",
-        type=int,
+        "`calibrate --dark` measures it"
     )
+    frames.add_argument("--black", metavar="N", type=int, help=black)
     covered = "the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied"
-    option(frames, "--covered", covered)
+    frames.add_argument("--covered", action="store_true", help=covered)
     unchecked = "do not compare the first frames with these options; without it, frames that prove one of them wrong are refused"
-    option(frames, "--unchecked", unchecked)
-    option(frames, "--new", "skip frames that are in the folder already")
-    more = "; `panchroma identify` finds it in one raw frame"
-    add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin", more=more)
+    frames.add_argument("--unchecked", action="store_true", help=unchecked)
+    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
+    camera = parser.add_argument_group("the camera (`panchroma identify` finds pattern and origin in one raw frame)")
+    add(camera, "camera", "pattern")
+    camera.add_argument("--origin", metavar=("ROW", "COLUMN"), nargs=2, type=int, help="position of the first block (default: 0 0)")
     settings = parser.add_argument_group(
         "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
     )
-    option(settings, "--exposure-time SECONDS", "such as 1/100 or 0.01 (default: as it is set)", type=factor)
-    option(settings, "--gain N", "in the camera's unit, mostly dB (default: as it is set)", type=float)
-    option(settings, "--fps N", "frames a second (default: as it is set)", type=amount)
+    exposure = "such as 1/100 or 0.01 (default: as it is set)"
+    settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
+    settings.add_argument("--gain", metavar="N", type=float, help="in the camera's unit, mostly dB (default: as it is set)")
+    settings.add_argument("--fps", metavar="N", type=amount, help="frames a second (default: as it is set)")
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
     """Add the options that `layout_of` reads, in a group with this title, which is returned."""
     frames = parser.add_argument_group(title)
-    option(frames, "--width PIXELS", "width of a frame", type=int)
-    option(frames, "--height PIXELS", "height of a frame", type=int)
+    frames.add_argument("--width", metavar="PIXELS", type=int, help="width of a frame")
+    frames.add_argument("--height", metavar="PIXELS", type=int, help="height of a frame")
     formats = f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
-    option(frames, "--pixel-format NAME", formats)
-    option(frames, "--stride BYTES", "bytes from one line to the next (default: no padding)", type=int, default=0)
+    frames.add_argument("--pixel-format", metavar="NAME", help=formats)
+    stride = "bytes from one line to the next (default: no padding)"
+    frames.add_argument("--stride", metavar="BYTES", type=int, default=0, help=stride)
     return frames
 
 

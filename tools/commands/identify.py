@@ -28,16 +28,20 @@ from tools.io.illustrations import tile_map
 from tools.simulation.load import sensor_samples
 
 from .frame_options import LAYOUT, add_layout
-from .options import add, option
+from .options import add, pixel_limit
+
+USAGE = "FILE ..."
+EXAMPLE = "panchroma identify frame.raw --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P --stride 6112"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma identify`."""
-    option(parser, "FILE ...", "a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream", dest="files")
+    files = "a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream"
+    parser.add_argument("files", metavar="FILE", nargs="+", help=files)
     add_layout(parser, "files without a header (rpicam-raw prints all this when it starts)")
-    add(parser, "output", files="NAME-tile.png: how bright each site of the tile is, and its letter", required=False)
-    add(parser, "max-pixels", "overwrite")
-    add(parser, "json", each="file")
+    picture = "folder for NAME-tile.png: how bright each site of the tile is, and its letter; created if missing"
+    add(parser, "output", required=False, help=picture)
+    add(parser, "overwrite", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -48,7 +52,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         described = given != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
         data, layout = first_frame(given) if described else (b"", None)
-        codes = layout.unpack(data) if layout else _in_file(job.source, arguments.max_pixels)
+        codes = layout.unpack(data) if layout else _in_file(job.source, pixel_limit())
 
         def likely() -> str:
             return "; " + (likely_reading(data, layout) or hint) if layout else ""

@@ -24,29 +24,32 @@ from tools.batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_job
 from tools.batch.parallel import follow, in_threads
 from tools.batch.progress import StageProgress
 
-from .options import add, add_shots, option
+from .options import add, add_shots, pixel_limit
 
 _COLUMN = 14  # characters for the name of a row
 _DAMAGED, _UNREAD, _FOREIGN = "damaged", "that cannot be read", "of other programs, without a digest to check"
+
+USAGE = "SHOT ..."
+EXAMPLE = "panchroma inspect shots --verify"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma inspect`."""
     add_shots(parser, "a camera.json, ")
-    option(parser, "--verify", "only count the undamaged files and name the damaged ones")
-    add(parser, "workers", "max-pixels", things="--verify: files", usual="one per core")
-    add(parser, "json", each="file")
+    verify = "only count the undamaged files and name the damaged ones"
+    parser.add_argument("--verify", action="store_true", help=verify)
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
-    found = search(arguments.shots, DNGS)
+    found, limit = search(arguments.shots, DNGS), pixel_limit()
     searched = found.report(console)
     if arguments.verify:
-        code = _verify(found.sources, arguments, console)
+        code = _verify(found.sources, limit, console)
     else:
         jobs = [Job(source.name, found=source.found) for source in found.sources]
-        code = run_jobs(jobs, lambda job, _: _shown(job.source, arguments.max_pixels), console)
+        code = run_jobs(jobs, lambda job, _: _shown(job.source, limit), console)
     return code if searched else FAILED
 
 
@@ -59,7 +62,7 @@ def _shown(source: str, max_pixels: int) -> Outcome:
     return Outcome(facts, (source, *_table(facts)))
 
 
-def _verify(sources: Sequence[Source], arguments: argparse.Namespace, console: Console) -> int:
+def _verify(sources: Sequence[Source], max_pixels: int, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
     wrong: dict[str, str] = {}  # file -> what is wrong with it
 
@@ -67,7 +70,7 @@ def _verify(sources: Sequence[Source], arguments: argparse.Namespace, console: C
         try:
             if job.source.lower().endswith(".json"):
                 return Outcome({"calibration_id": read_camera(job.source).calibration.id})
-            rows, columns = verify_dng(job.source, max_pixels=arguments.max_pixels)
+            rows, columns = verify_dng(job.source, max_pixels=max_pixels)
             return Outcome({"width": columns, "height": rows, "digest": "shot"})
         except ForeignFileError:
             wrong[job.source] = _FOREIGN
@@ -77,10 +80,9 @@ def _verify(sources: Sequence[Source], arguments: argparse.Namespace, console: C
             raise
 
     files = {source.name: source for source in sources}  # one that is named twice is checked once
-    threads = arguments.workers or processors()
     with console.progress("verify") as progress:
         jobs = [Job(name, found=source.found) for name, source in files.items()]
-        results = in_threads(work, jobs, threads, console.note)
+        results = in_threads(work, jobs, processors(), console.note)
         code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
     kinds = {kind: [file for file in files if wrong.get(file) == kind] for kind in (_DAMAGED, _UNREAD, _FOREIGN)}
     counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found or kind == _DAMAGED]

@@ -18,17 +18,22 @@ from tools.batch.previews import Previews, preview_graph
 from tools.batch.progress import StageProgress
 from tools.io.formats.jpg import check_quality, encode_jpeg
 
-from .options import add, add_shots, file_name, option
+from .options import add, add_shots, file_name, pixel_limit
+
+USAGE = "SHOT ... -o DIR"
+EXAMPLE = "panchroma preview shots -o previews --scale 2"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
     add_shots(parser)
-    add(parser, "output", files="STEM.jpg (subfolders are kept)", required=False)
-    option(parser, "--export FILE.onnx", "write the graph for the pattern of one SHOT; without -o nothing else", type=file_name)
+    add(parser, "output", required=False, help="folder for STEM.jpg (subfolders are kept), created if missing")
+    export = "write the graph for the pattern of one SHOT; without -o nothing else"
+    parser.add_argument("--export", metavar="FILE.onnx", type=file_name, help=export)
     add(parser, "scale", default=1)
-    add(parser, "quality", "camera", "max-pixels", "overwrite", instead=", in place of the one in the shots")
-    add(parser, "json", each="shot")
+    add(parser, "quality")
+    add(parser, "camera", help="camera.json: the calibration of the sensor, in place of the one in the shots")
+    add(parser, "overwrite", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -45,7 +50,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = output_folder(arguments.output)
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
+        mosaic = read_dng(job.source, max_pixels=pixel_limit())
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         for remark in mosaic.calibration.lens_remarks(mosaic.metadata.focal_length):
@@ -73,6 +78,6 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
         raise InputError(f"{path}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
     if len(arguments.shots) > 1:
         raise InputError(f"--export writes the graph for the pattern of one shot, and {len(arguments.shots)} are named")
-    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=arguments.max_pixels).pattern, arguments.scale)
+    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=pixel_limit()).pattern, arguments.scale)
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")

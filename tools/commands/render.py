@@ -10,7 +10,6 @@ from pathlib import Path
 
 from shared.errors import InputError
 from tools.batch.cluster import SchedulerGoneError
-from tools.batch.compilation import limit_threads
 from tools.batch.console import Console
 from tools.batch.folders import DNGS, plan, search
 from tools.batch.jobs import FAILED, counted, possible_jobs
@@ -20,23 +19,25 @@ from tools.batch.run import render_all
 from .options import add, add_shots
 from .picture_options import add_picture, add_run, order_fields
 
+USAGE = "SHOT ... -o DIR"
+EXAMPLE = "panchroma render shots -o pictures -f jpg --exposure 0.5"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     add_shots(parser)
-    add(parser, "output", files="STEM.EXT (subfolders are kept)")
-    add_picture(parser, "best", "unlearned", "paper")
+    add(parser, "output", help="folder for STEM.EXT (subfolders are kept), created if missing")
+    add_picture(parser, "best", "paper")
     group = add_run(parser)
-    add(group, "workers", things="processes", usual="1, or for many shots what cores and memory allow")
+    add(group, "jobs", help="processes at a time (default: 1, or for many shots what cores and memory allow)")
     add(group, "scheduler")
-    add(parser, "json", each="shot")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
-    limit_threads(arguments.threads)
-    if arguments.workers is not None and arguments.scheduler:
-        raise InputError("--workers cannot be used with a scheduler, which has its own workers")
+    if arguments.jobs is not None and arguments.scheduler:
+        raise InputError("--jobs cannot be used with a scheduler, which has its own workers")
     order = Order(**order_fields(arguments))
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
@@ -52,8 +53,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             order,
             shots,
             console,
-            jobs=arguments.workers,
-            threads=arguments.threads,
+            jobs=arguments.jobs,
             memory=arguments.max_memory,
             scheduler=arguments.scheduler,
         )

@@ -35,56 +35,49 @@ from tools.io.kind import PictureKind
 from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from tools.simulation.lens import Lens
 from tools.simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
-from tools.simulation.simulated_camera import BITS as DEFAULT_BITS
 from tools.simulation.simulated_camera import Exposed, SimulatedCamera
 
-from .options import add, add_protocol, camera_of, count, numbers, option, protocol_of
+from .options import add, add_noise, amount, camera_of, count, numbers, pixel_limit, protocol_of
 
-RAW = "raw"
-"""Layout of a frame of samples alone."""
 _MEASURED, _SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
+
+USAGE = "SCENE ... -o DIR"
+EXAMPLE = "panchroma simulate IMG_0001.CR2 -o shots --sigma 0.01 --truth"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
     scenes = "camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below"
-    option(parser, "SCENE ...", scenes, dest="scenes")
-    add(parser, "output", files="STEM.dng (subfolders are kept)")
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
+    add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
-    add(sensor, "camera", "pattern", "period", "origin")
-    add(sensor, "sensor-bits", usual=DEFAULT_BITS)
-    option(
-        sensor,
-        "--layout",
-        "dng, or raw: no DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)",
-        choices=("dng", RAW),
-        default="dng",
-    )
-    light = parser.add_argument_group("light and noise")
-    add_protocol(light)
+    add(sensor, "camera", "pattern", "sensor-bits")
+    samples = "no DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
+    sensor.add_argument("--raw", action="store_true", help=samples)
+    light = parser.add_argument_group("light and noise (default: none)")
+    add_noise(light)
     add(light, "seed")
     shading = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
-    option(light, "--shading STOPS,PERCENT", shading, type=numbers(example="2,15"))
+    light.add_argument("--shading", metavar="STOPS,PERCENT", type=numbers(example="2,15"), help=shading)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
-    option(burst, "--burst N", "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved", type=count)
-    option(burst, "--motion PIXELS", "largest displacement of the others (default: 0)", type=float, default=0.0)
-    option(burst, "--rotation DEGREES", "largest rotation of the others (default: 0)", type=float, default=0.0)
-    option(burst, "--moving", "a thing moves through the scene, 5 to 20 pixels from frame to frame")
-    bracket = "exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time"
-    alike = "(default: all frames are exposed alike)"
-    option(burst, "--bracket EV,EV,...", f"{bracket} {alike}", type=numbers(example="0,-2,2"), default=())
-    reduced = "make one pixel from N x N of the scene, after the burst's motion"
-    option(parser, "--reduce N", reduced, type=count, default=1)
+    frames = "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved"
+    burst.add_argument("--burst", metavar="N", type=count, help=frames)
+    motion = "largest displacement of the others (default: 0)"
+    burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
+    bracket = (
+        "exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: all are exposed alike)"
+    )
+    burst.add_argument("--bracket", metavar="EV,EV,...", type=numbers(example="0,-2,2"), default=(), help=bracket)
+    reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"
+    parser.add_argument("--reduce", metavar="N", type=count, default=1, help=reduced)
     add(parser, "linear")
-    option(
-        parser,
-        "--truth",
+    truth = (
         "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render, "
         f"and as STEM{TRUTH_PICTURE}, sRGB, to look at; "
-        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others",
+        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others"
     )
-    add(parser, "max-pixels", "overwrite")
-    add(parser, "json", each="scene")
+    parser.add_argument("--truth", action="store_true", help=truth)
+    add(parser, "overwrite", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -98,14 +91,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lens.check(known.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
-    previews = Previews()
+    previews, limit, suffix = Previews(), pixel_limit(), "raw" if arguments.raw else "dng"
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
         truth = [f"{stem}{TRUTH}", f"{stem}{TRUTH_PICTURE}"]
         beside = [*truth, *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
-        return [*(f"{shot}.{arguments.layout}" for shot in shots), *beside]
+        return [*(f"{shot}.{suffix}" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
@@ -115,7 +108,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         taken: dict[str, SimulatedFrame] = {}
         missing: tuple[str, ...] = ()
         progress.stage("reading", 1)
-        scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
+        scene = load_scene(job.source, linear=arguments.linear, max_pixels=limit, channels=pattern.channels)
         frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
         for shot in shots:
@@ -123,7 +116,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             exposed = camera.shoot(scene, random(shot), frame)
             mosaic = exposed.mosaic
             job.make_folders()
-            if arguments.layout == RAW:
+            if arguments.raw:
                 write_durably(shot, mosaic.codes.astype("<u2").tobytes(), overwrite=arguments.overwrite)
             else:
                 write_dng(shot, mosaic, previews(mosaic), overwrite=arguments.overwrite)
@@ -184,8 +177,8 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
 def _burst(arguments: argparse.Namespace) -> SimulatedBurst:
     """The burst that is asked for; one frame without --burst."""
     if arguments.burst is None:
-        for option in ("motion", "rotation", "moving", "bracket"):
+        for option in ("motion", "bracket"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} needs --burst: it is about the frames of a series")
         return SimulatedBurst(1)
-    return SimulatedBurst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.bracket)
+    return SimulatedBurst(arguments.burst, arguments.motion, stops=arguments.bracket)

@@ -19,23 +19,27 @@ from tools.capture.server import ViewfinderServer
 from tools.capture.viewfinder import LiveView
 
 from .frame_options import add_source, source_of
-from .options import add, option, value
+from .options import add, value
 
 _NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
 _host_name = value(str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name)))
+
+USAGE = "SOURCE"
+EXAMPLE = "panchroma view builtin:1200x800@10 -o shots"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma view`."""
     add_source(parser)
-    option(parser, "-o --output DIR", "folder for shots, created if missing; without it there is no button")
-    option(parser, "--bind ADDRESS", "network interface that serves the page", default="127.0.0.1")
-    option(parser, "--port PORT", "port of the page; 0 takes any free one", type=int, default=8000)
+    add(parser, "output", required=False, help="folder for shots, created if missing; without it there is no button")
+    interface = "network interface that serves the page (default: 127.0.0.1, this machine alone)"
+    parser.add_argument("--bind", metavar="ADDRESS", default="127.0.0.1", help=interface)
+    parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one (default: 8000)")
     name = (
         "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
     )
-    option(parser, "--host NAME", name, type=_host_name, action="append", default=[])
-    add(parser, "scale", "latest", "threads", of=" of the preview")
+    parser.add_argument("--host", metavar="NAME", type=_host_name, action="append", default=[], help=name)
+    add(parser, "scale", "latest")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -44,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
     source = source_of(arguments)
     folder = None if arguments.output is None else output_folder(arguments.output)
-    view = LiveView(source, folder, arguments.latest, scale=arguments.scale, threads=arguments.threads)
+    view = LiveView(source, folder, arguments.latest, scale=arguments.scale)
     console.note(*source.notes)
     failed = False
 
