@@ -10,9 +10,9 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import IO, NoReturn
 
-from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line
+from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
 from tools.batch.signals import INTERRUPTED, Terminated, orderly_end
 from tools.io.versions import program_version
 
@@ -38,20 +38,25 @@ GONE = {
     "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
     "--defects": "list the pixels under defects in a camera.json, and use --camera",
     "--edges": "a sparse-colour sensor hardly sees lateral chromatic aberration",
-    "--layout": "--raw writes the samples alone",
+    "--covered": "--unchecked is for frames of a covered lens, too",
+    "--height": "--size 4056x3040",
+    "--layout": "-f raw writes the samples alone",
     "--max-pixels": "the environment variable PANCHROMA_MAX_PIXELS sets the limit",
     "--moving": "the scene of a burst stands still",
     "--no-chart": "gamma is measured from a chart",
     "--no-page": "the page is always written",
     "--period": "--pattern K=4 is the paper's pattern with the period 4",
+    "--port": "--bind ADDRESS:PORT",
     "--protocol": "--sigma or --light says which noise is meant",
     "--report": "panchroma burst --json says what became of each frame",
     "--rotation": "--motion moves the frames of a burst",
     "--scheduler-file": "--scheduler takes the address of the scheduler",
+    "--sensor-bits": "--bits N",
     "--shard": "several runs with --resume share one folder",
     "--show": "the page shows the squares where methods differ most",
     "--threads": "-j sets processes; the environment variable PANCHROMA_THREADS sets the threads of each",
     "--uncertainty": "how far a pixel may be off is no longer stated",
+    "--width": "--size 4056x3040",
     "--wait": "a recording waits by itself: panchroma capture - < FILE",
     "--workers": "-j N",
 }
@@ -61,7 +66,10 @@ FAILED, USAGE = 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
-    """An ArgumentParser without abbreviations, whose errors are one line whatever the arguments contain."""
+    """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader may leave."""
+
+    def print_help(self, file: IO[str] | None = None) -> None:
+        to_stdout(self.format_help().rstrip("\n"))
 
     def error(self, message: str) -> NoReturn:
         super().error(one_line(message))
@@ -114,7 +122,7 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
     _add_common(parser, quiet=False, verbose=False)
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")
     for name, summary in VERBS.items():
         child = verbs.add_parser(
             name,

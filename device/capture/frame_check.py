@@ -72,18 +72,16 @@ def checked(
     sensor: Sensor,
     note: Callable[[str], None],
     *,
-    covered: bool = False,
     refused: Callable[[InputError], None] | None = None,
 ) -> Iterator[RawFrame]:
     """Pass frames on, and look at them: until some have confirmed the description of their sensor, and whether they still do.
 
     note: called with each sentence on what a frame leaves open, once.
-    covered: whether the lens is covered. Then all that is checked is that no sample is too large or lit: the rest takes light.
     refused: called for a file that is not like those before it, which is left out: the next one begins anew. None = raise.
     Raises InputError, before the frame is passed on, at the first that contradicts the description.
     Raises SlippedError when a stream has lost or gained bytes since.
     """
-    check = _Check(sensor, covered=covered)
+    check = _Check(sensor)
     noted: set[str] = set()
     for frame in frames:
         try:
@@ -104,8 +102,8 @@ def checked(
 class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
-    def __init__(self, sensor: Sensor, *, covered: bool) -> None:
-        self._sensor, self._covered = sensor, covered
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
         self._count = self._confirmed = 0
         self._has_colours = False
 
@@ -115,7 +113,7 @@ class _Check:
         Raises InputError if the frame contradicts the description.
         """
         self._count += 1
-        is_known = self._confirmed >= _ENOUGH or (self._covered and self._count > 1)
+        is_known = self._confirmed >= _ENOUGH
         if is_known and len(frame.data) != self._sensor.layout.frame_bytes:  # whoever reads it says so
             return False, []
         shown, remarks = self._later(frame) if is_known else self._first(frame)
@@ -126,9 +124,6 @@ class _Check:
         """Return whether all of a frame shows the pattern, and what it leaves open."""
         layout, pattern, calibration = self._sensor.layout, self._sensor.pattern, self._sensor.calibration
         codes = layout.unpack(frame.data)
-        if self._covered:
-            self._refuse(frame, light_in_the_dark(codes, calibration))
-            return False, []
         tiles = Tiles.of(codes, self._side, _TILES)
         self._refuse(frame, impossible_level(codes, tiles, calibration) or padding(codes, calibration) or self._unused_bits(frame))
         if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
@@ -158,11 +153,9 @@ class _Check:
         strips = []
         for top, rows, count in (*((top, side, _FEW) for top in tops), (layout.height - last, last, 2 * _GROUP)):
             codes = replace(layout, height=rows).unpack(memoryview(frame.data)[top * layout.stride :][: rows * layout.stride])
-            if codes.max() >> calibration.bits or (self._covered and not is_even(codes, calibration)):
+            if codes.max() >> calibration.bits:
                 raise SlippedError(_SLIPPED)
             strips.append(Tiles.of(codes, side, count, top))
-        if self._covered:
-            return False, []
         end = strips[-1]
         parts, places = (np.concatenate(arrays) for arrays in zip(*((strip.parts, strip.places) for strip in strips), strict=True))
         shown = shows_filters(Tiles(parts, places), pattern)
@@ -190,11 +183,11 @@ class _Check:
     def _refuse(self, frame: RawFrame, reason: str) -> None:
         """Raise InputError with the reason, if there is one."""
         if reason:
-            width, height, name = self._sensor.layout.width, self._sensor.layout.height, self._sensor.layout.format
+            layout, source = self._sensor.layout, frame.source or "FRAME"
+            described = f"--size {layout.width}x{layout.height} --pixel-format {layout.format} --stride {layout.stride}"
             raise InputError(
-                f"the frame is not as described: {reason}; run `panchroma identify {frame.source or 'FRAME'} --width {width} "
-                f"--height {height} --pixel-format {name} --stride {self._sensor.layout.stride}`. If the description is right, "
-                "add `unchecked`"
+                f"the frame is not as described: {reason}; run `panchroma identify {source} {described}`. "
+                "If the description is right, add `unchecked`"
             )
 
     @property
@@ -220,7 +213,7 @@ def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibrat
     if highest >> declared:
         return f"a sample is {highest}, more than {declared} bits hold"
     if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
-        remedy = "(`black=N` states another level, `covered` that the lens is covered)"
+        remedy = "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         return f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} {remedy}"
     if highest + 1 in (1 << 10, 1 << 12, 1 << 14) and highest.bit_length() < declared:
         clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
@@ -228,15 +221,6 @@ def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibrat
             bits = highest.bit_length()
             return f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}"
     return ""
-
-
-def light_in_the_dark(codes: CodeArray, calibration: SensorCalibration) -> str:
-    """Return what is wrong with a frame of a covered lens, as `impossible_level` does."""
-    if int(codes.max()) >> calibration.bits:
-        return f"a sample is {int(codes.max())}, more than {calibration.bits} bits hold"
-    if is_even(codes, calibration):
-        return ""
-    return "its samples differ, and those of a dark frame are nearly equal: there is light on the sensor"
 
 
 def is_even(codes: CodeArray, calibration: SensorCalibration) -> bool:

@@ -50,7 +50,7 @@ def empty_home(scenario: Scenario, folder: Path) -> list[str]:
 def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
     """SIGINT for all processes of the command, as a terminal sends it, while worker processes start too."""
     scenario.lay_out(folder)
-    process = scenario.start(folder, extra=("--workers", "4") if scenario.arguments[0] == "render" else (), group=True)
+    process = scenario.start(folder, extra=("--jobs", "4") if scenario.arguments[0] == "render" else (), group=True)
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)

@@ -105,7 +105,7 @@ def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> 
 def killed_worker(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
     """One of two processes is killed, as for want of memory; then the rest is made."""
     scenario.lay_out(folder)
-    process = scenario.start(folder, extra=("--workers", "2"))
+    process = scenario.start(folder, extra=("--jobs", "2"))
     time.sleep(chance.uniform(0.1, seconds))
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     workers = [

@@ -33,7 +33,7 @@ def pictures(folder: Path) -> list[Scenario]:
 def capture() -> Scenario:
     """capture of a recording. Results are named after the time, so that only their completeness can be checked."""
     frames = b"".join(pack(random_codes((24, 32), 10, seed), "raw10") for seed in range(_FRAMES))
-    layout = ["--width", "32", "--height", "24", "--pixel-format", "raw10"]
+    layout = ["--size", "32x24", "--pixel-format", "raw10"]
     return Scenario("capture", ("capture", "-", "-o", "out", *layout), {}, {}, {}, frames)
 
 

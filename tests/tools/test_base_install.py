@@ -31,7 +31,7 @@ def test_a_hidden_package_is_missed(tmp_path: Path) -> None:
 
 
 def test_capture_needs_the_base_alone(tmp_path: Path) -> None:
-    layout = ["--width", "32", "--height", "26", "--pixel-format", "raw10"]
+    layout = ["--size", "32x26", "--pixel-format", "raw10"]
     done = camera("capture", "-", "-o", str(tmp_path), "--frames", "1", *layout, stdin=pack(random_codes((26, 32), 10), "raw10"))
     assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob("*.dng"))) == 1

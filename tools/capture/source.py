@@ -54,7 +54,6 @@ class SourceOptions:
     width, height, pixel_format, stride: see `FrameLayout` and `format_named`; None = not given.
     sensor_bits: bits of a sample; None = those of the pixel format, or of the camera file.
     black: black level, code; None = that of the camera file, or a sixteenth of the range.
-    covered: the lens is covered, see `FrameCheck`.
     unchecked: frames are not compared with this description.
     new: files that are in the folder already are skipped.
     exposure_time, gain, fps: see `GenicamCamera`.
@@ -67,7 +66,6 @@ class SourceOptions:
     stride: int = 0
     sensor_bits: int | None = None
     black: int | None = None
-    covered: bool = False
     unchecked: bool = False
     new: bool = False
     exposure_time: float | None = None
@@ -90,7 +88,6 @@ class FrameSource:
     waits: whether the source waits for a slow consumer (a recording does, a sensor does not).
     notes: remarks for the user on how the description was interpreted.
     checks: whether the first frames are compared with the description.
-    covered: see `FrameCheck`.
     lost: numbers of frames so far that arrived incomplete, and that came too fast to be read.
     close: lets the camera go.
     """
@@ -100,14 +97,13 @@ class FrameSource:
     waits: bool
     notes: tuple[str, ...] = ()
     checks: bool = False
-    covered: bool = False
     lost: Callable[[], tuple[int, int]] = lambda: (0, 0)
     close: Callable[[], object] = bool
 
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
         """The frames; note: called when the first of them do not show whether the description is right, or none comes."""
         raw = self.opened(stopped, refused, note)
-        return checked(raw, self.sensor, note, covered=self.covered, refused=refused) if self.checks else raw
+        return checked(raw, self.sensor, note, refused=refused) if self.checks else raw
 
 
 def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
@@ -127,8 +123,6 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
         given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
         camera, pattern = described(None)
         return _builtin(given.source, camera, pattern)
-    if given.unchecked:
-        given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
     if given.source.startswith(GENICAM):
         given.refuse(["width", "height", "stride"], "the camera says it")
         plugged = GenicamCamera(given.source, given.pixel_format, {name: getattr(given, name) for name in SETTINGS})
@@ -164,7 +158,7 @@ def _source(
 ) -> FrameSource:
     """A source that does not wait, of the sensor that is described."""
     sensor, notes = _described(given, layout, bits, camera, pattern)
-    return FrameSource(sensor, opened, False, notes, checks=not given.unchecked, covered=given.covered)
+    return FrameSource(sensor, opened, False, notes, checks=not given.unchecked)
 
 
 def recording() -> int | None:

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with blanks between them; nothing is aligned then, and the reference is the first shot by default"
     )
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
-    add_picture(parser, "best")
+    add_picture(parser, "best", "unlearned")
     add_run(parser)
     add(parser, "json")
 

@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         repeated = f"{shown}; or a folder of them; repeat it for more"
         parser.add_argument(f"--{kind}", metavar="F", action="append", default=[], help=repeated)
     light = (
-        "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder of "
-        "them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
+        "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder "
+        "of them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
     )
     parser.add_argument("--chart-light", metavar="LIGHT=F", action="append", default=[], type=_light, help=light)
     corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"

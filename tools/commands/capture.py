@@ -2,7 +2,7 @@
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, genicam:ID, a GigE Vision or USB3
 Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS, a simulated sensor that looks at a moving scene. For example:
-rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P
+rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --size 4056x3040 --pixel-format SRGGB12_CSI2P
 --stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.

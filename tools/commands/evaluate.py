@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("what is compared: one or several, with commas")
     patterns = (
         "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), a name "
-        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; C, M and Y are made of red, "
-        "green and blue (default: K=6)"
+        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; "
+        "C, M and Y are made of red, green and blue (default: K=6)"
     )
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=["K=6"], help=patterns)
     methods = "methods to compare (default: all installed; an unknown name lists them)"

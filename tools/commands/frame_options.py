@@ -1,20 +1,28 @@
 """The options of `capture` and `view` that describe the frames of a camera."""
 
 import argparse
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
 
 from shared import Camera, CfaPattern
-from shared.errors import InputError
 from tools.batch.console import to_stdout
 from tools.batch.signals import starting_service
 from tools.capture.genicam import GENICAM, connected
 from tools.capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
-from .options import add, amount, camera_of, factor
+from .options import add, amount, camera_of, factor, value
 
 LAYOUT = ("width", "height", "pixel_format", "stride")
-"""Arguments that `add_layout` adds."""
+"""Fields of `SourceOptions` that the options of `add_layout` set."""
+
+
+def _width_and_height(text: str) -> tuple[int, int]:
+    width, height = text.casefold().split("x")
+    return int(width), int(height)
+
+
+_size = value(_width_and_height, "a width and a height, such as 4056x3040")
 
 
 class _Source(argparse.Action):
@@ -41,14 +49,14 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "`calibrate --dark` measures it"
     )
     frames.add_argument("--black", metavar="N", type=int, help=black)
-    covered = "the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied"
-    frames.add_argument("--covered", action="store_true", help=covered)
-    unchecked = "do not compare the first frames with these options; without it, frames that prove one of them wrong are refused"
+    unchecked = (
+        "do not compare the first frames with these options, as with a covered lens; without it, frames that prove one of "
+        "them wrong are refused"
+    )
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
     camera = parser.add_argument_group("the camera (`panchroma identify` finds pattern and origin in one raw frame)")
-    add(camera, "camera", "pattern")
-    camera.add_argument("--origin", metavar=("ROW", "COLUMN"), nargs=2, type=int, help="position of the first block (default: 0 0)")
+    add(camera, "camera", "pattern", "origin")
     settings = parser.add_argument_group(
         "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
     )
@@ -61,8 +69,8 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
     """Add the options that `layout_of` reads, in a group with this title, which is returned."""
     frames = parser.add_argument_group(title)
-    frames.add_argument("--width", metavar="PIXELS", type=int, help="width of a frame")
-    frames.add_argument("--height", metavar="PIXELS", type=int, help="height of a frame")
+    size = "width and height of a frame, such as 4056x3040"
+    frames.add_argument("--size", metavar="WxH", type=_size, default=(None, None), help=size)
     formats = f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
     frames.add_argument("--pixel-format", metavar="NAME", help=formats)
     stride = "bytes from one line to the next (default: no padding)"
@@ -70,15 +78,19 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
     return frames
 
 
+def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str) -> SourceOptions:
+    """Return the description of a source with these of its fields as the options set them."""
+    given = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
+    return SourceOptions(source, **{name: given[name] for name in names})
+
+
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
-    given = SourceOptions(**{each.name: getattr(arguments, each.name) for each in fields(SourceOptions)})
+    given = options_of(arguments, (each.name for each in fields(SourceOptions)[1:]), arguments.source)
     with starting_service():
         return open_source(given, lambda known: _described(arguments, known))
 
 
 def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern]:
     """Return the camera and the pattern. known: that which the camera itself states."""
-    if arguments.pattern == "auto":
-        raise InputError("--pattern takes a name or letters; `panchroma identify` finds those of one raw frame")
     return camera_of(arguments, known)

@@ -1,9 +1,8 @@
 """Find out which pattern of colour filters a sensor has, from one raw frame of a scene with light and colours.
 
-FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with the samples, or, with --width, --height and
---pixel-format, a raw frame or stream (- is standard input), of which the first frame counts. Sites with one filter read the same in
-every scene, and panchromatic ones (W) are the brightest. Which of two colours is red and which is blue only a picture of something
-known tells.
+FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with the samples, or, with --size and --pixel-format, a
+raw frame or stream (- is standard input), of which the first frame counts. Sites with one filter read the same in every scene, and
+panchromatic ones (W) are the brightest. Which of two colours is red and which is blue only a picture of something known tells.
 """
 
 import argparse
@@ -27,11 +26,11 @@ from tools.io.camera_raw import NO_RAW
 from tools.io.illustrations import tile_map
 from tools.simulation.load import sensor_samples
 
-from .frame_options import LAYOUT, add_layout
+from .frame_options import LAYOUT, add_layout, options_of
 from .options import add, pixel_limit
 
 USAGE = "FILE ..."
-EXAMPLE = "panchroma identify frame.raw --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P --stride 6112"
+EXAMPLE = "panchroma identify frame.raw --size 4056x3040 --pixel-format SRGGB12_CSI2P --stride 6112"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +47,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        given = SourceOptions(job.source, **{name: getattr(arguments, name) for name in LAYOUT})
+        given = options_of(arguments, LAYOUT, job.source)
         described = given != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
         data, layout = first_frame(given) if described else (b"", None)
@@ -84,7 +83,7 @@ def _in_file(source: str, max_pixels: int) -> CodeArray:
         return sensor_samples(Path(source), max_pixels)
     except InputError as error:
         is_unknown = str(error).startswith(NO_RAW.partition("{")[0])
-        more = "; a frame without a header needs --width, --height and --pixel-format" * is_unknown
+        more = "; a frame without a header needs --size and --pixel-format" * is_unknown
         raise InputError(f"{error}{more}") from None
 
 
@@ -125,7 +124,7 @@ def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         return []
     if facts["pattern"] is None:
         return [("go on", "Panchroma cannot use this tile: a colour site is too far from panchromatic pixels")]
-    fitting = ("--pattern {} --origin {} {}".format(name, *origin) for name, origin in (facts["pattern"], *facts["alternatives"]))
+    fitting = ("--pattern {} --origin {},{}".format(name, *origin) for name, origin in (facts["pattern"], *facts["alternatives"]))
     rows = list(zip(chain(["go on"], repeat("or")), fitting, strict=False))
     if not facts["name"]:
         rows.append(("", "the letters say which sites are alike; put those of the real filters in their place"))

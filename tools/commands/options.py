@@ -52,6 +52,11 @@ def names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def _place(text: str) -> tuple[int, int]:
+    row, column = text.split(",")
+    return int(row), int(column)
+
+
 count = value(int, "a whole number from 1 on", lambda number: number >= 1)
 natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
@@ -77,13 +82,21 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         {
             "metavar": "PATTERN",
             "help": "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
-            f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), or a file "
-            "with them, one row on each line (default: K=6, or the camera's)",
+            f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
+            "or a file with them, one row on each line (default: K=6, or the camera's)",
+        },
+    ),
+    "origin": (
+        ("--origin",),
+        {
+            "metavar": "ROW,COLUMN",
+            "type": value(_place, "a row and a column, such as 2,3"),
+            "help": "position of the first block (default: 0,0)",
         },
     ),
     "sensor-bits": (
-        ("--sensor-bits",),
-        {"metavar": "N", "type": int, "help": f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"},
+        ("--bits",),
+        {"metavar": "N", "dest": "sensor_bits", "type": int, "help": f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"},
     ),
     "linear": (("--linear",), {**_SWITCH, "help": "take the values of pictures as linear light, whatever the files say"}),
     "seed": (("--seed",), {"metavar": "N", "type": natural, "default": 0, "help": "seed of the noise (default: 0)"}),

@@ -34,11 +34,9 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     balance = "white balance: camera (as shot, the default), auto (estimated from the picture), or multipliers such as 2.1,1,1.6"
     group.add_argument("--wb", metavar="BALANCE", type=WhiteBalance.parse, default="camera", help=balance)
     add(group, "camera", help="camera.json: the calibration of the sensor, in place of the one in the shots")
-    if len(presets) > 1:
-        published = "best (the default), or paper: the published method, literally"
-        group.add_argument("--preset", choices=presets, default=presets[0], help=published)
-    else:
-        parser.set_defaults(preset=presets[0])
+    published = "; paper: the published method, literally" if "paper" in presets else ""
+    preset = f"best (the default); unlearned: without the networks that correct luminance and colour{published}"
+    group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
 
 
 def _format(name: str) -> str:

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     add_shots(parser)
     add(parser, "output", help="folder for STEM.EXT (subfolders are kept), created if missing")
-    add_picture(parser, "best", "paper")
+    add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
     add(group, "jobs", help="processes at a time (default: 1, or for many shots what cores and memory allow)")
     add(group, "scheduler")

@@ -39,6 +39,8 @@ from tools.simulation.simulated_camera import Exposed, SimulatedCamera
 
 from .options import add, add_noise, amount, camera_of, count, numbers, pixel_limit, protocol_of
 
+RAW = "raw"
+"""A frame of samples alone."""
 _MEASURED, _SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
 
 USAGE = "SCENE ... -o DIR"
@@ -51,9 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
-    add(sensor, "camera", "pattern", "sensor-bits")
-    samples = "no DNG, but STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
-    sensor.add_argument("--raw", action="store_true", help=samples)
+    add(sensor, "camera", "pattern", "origin", "sensor-bits")
+    samples = "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
+    sensor.add_argument("-f", "--format", choices=("dng", RAW), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
     add_noise(light)
     add(light, "seed")
@@ -65,7 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion = "largest displacement of the others (default: 0)"
     burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
     bracket = (
-        "exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: all are exposed alike)"
+        "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a minus; the files state it as "
+        "exposure time (default: all are exposed alike)"
     )
     burst.add_argument("--bracket", metavar="EV,EV,...", type=numbers(example="0,-2,2"), default=(), help=bracket)
     reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"
@@ -91,14 +94,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lens.check(known.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
-    previews, limit, suffix = Previews(), pixel_limit(), "raw" if arguments.raw else "dng"
+    previews, limit = Previews(), pixel_limit()
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
         truth = [f"{stem}{TRUTH}", f"{stem}{TRUTH_PICTURE}"]
         beside = [*truth, *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
-        return [*(f"{shot}.{suffix}" for shot in shots), *beside]
+        return [*(f"{shot}.{arguments.format}" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
@@ -116,7 +119,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             exposed = camera.shoot(scene, random(shot), frame)
             mosaic = exposed.mosaic
             job.make_folders()
-            if arguments.raw:
+            if arguments.format == RAW:
                 write_durably(shot, mosaic.codes.astype("<u2").tobytes(), overwrite=arguments.overwrite)
             else:
                 write_dng(shot, mosaic, previews(mosaic), overwrite=arguments.overwrite)

@@ -21,6 +21,7 @@ from tools.capture.viewfinder import LiveView
 from .frame_options import add_source, source_of
 from .options import add, value
 
+_HOST, _PORT = "127.0.0.1", 8000
 _NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
 _host_name = value(str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name)))
 
@@ -28,13 +29,26 @@ USAGE = "SOURCE"
 EXAMPLE = "panchroma view builtin:1200x800@10 -o shots"
 
 
+def _host_and_port(text: str) -> tuple[str, int]:
+    """Split "0.0.0.0:8000", "0.0.0.0", "::1" or "[::1]:8000"."""
+    host, colon, port = text.rpartition(":")
+    if not colon or (":" in host and not host.startswith("[")):
+        host, port = text, str(_PORT)
+    return host.strip("[]") or _HOST, int(port)
+
+
+_address = value(_host_and_port, f"an address and a port, such as {_HOST}:{_PORT}")
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma view`."""
     add_source(parser)
     add(parser, "output", required=False, help="folder for shots, created if missing; without it there is no button")
-    interface = "network interface that serves the page (default: 127.0.0.1, this machine alone)"
-    parser.add_argument("--bind", metavar="ADDRESS", default="127.0.0.1", help=interface)
-    parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one (default: 8000)")
+    interface = (
+        "network interface that serves the page, and port, 0 for any free one (default: 127.0.0.1:8000, for this machine alone; "
+        "0.0.0.0 for everybody on the network)"
+    )
+    parser.add_argument("--bind", metavar="ADDRESS:PORT", type=_address, default=f"{_HOST}:{_PORT}", help=interface)
     name = (
         "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
     )
@@ -57,8 +71,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         failed = True
         console.error(str(error))
 
-    address = arguments.bind, arguments.port
-    page = ViewfinderServer(address, view.finder, lambda error: console.error(fault(error), cause=error), arguments.host)
+    page = ViewfinderServer(arguments.bind, view.finder, lambda error: console.error(fault(error), cause=error), arguments.host)
     with closing(source), Stopping() as stopping, page as server:
         threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")

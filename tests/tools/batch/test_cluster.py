@@ -56,7 +56,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Pat
         assert [each["source"] for each in records if not each["ok"]] == [str(shots / "torn.dng")]
         again = run("render", shots, "-o", out, "--scheduler", address, "--resume", "--json")
         assert [each.get("current") for each in again.records if each["ok"]] == [True] * count
-    run("render", shots, "-o", here, "--workers", "1", code=1)
+    run("render", shots, "-o", here, "--jobs", "1", code=1)
     assert pictures(out) == pictures(here)
     assert len(pictures(out)) == count
     assert contents(shots) == before
@@ -66,12 +66,12 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Pat
 def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     np.save("scene.npy", np.random.default_rng(0).random((66, 72, 3), np.float32))
-    common = ("evaluate", "scene.npy", "--linear", "--sigma", "0.01", "--methods", "paper", "bilinear", "--no-page")
+    common = ("evaluate", "scene.npy", "--linear", "--sigma", "0.01", "--methods", "paper,bilinear")
     Path("there").mkdir()
     Path("here").mkdir()
     with cluster(tmp_path, 1) as (address, _):
         run(*common, "-o", "there", "--scheduler", address, code=0)
-    run(*common, "-o", "here", "--workers", "1", code=0)
+    run(*common, "-o", "here", "--jobs", "1", code=0)
     there, here = (json.loads(Path(folder, "evaluation.json").read_text()) for folder in ("there", "here"))
     assert there["figures"] == here["figures"]
     assert there["figures"]

@@ -129,7 +129,7 @@ def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: P
     small, large = (needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER) for shot in (shots[0], shots[-1]))
     before = contents(tmp_path / "shots")
     for jobs, limit in (("1", 3 * large), ("2", 3 * large), ("3", large + small)):
-        options = ("--workers", jobs, "--max-memory", str(limit), "-f", "npy", "--preset", "paper")
+        options = ("--jobs", jobs, "--max-memory", str(limit), "-f", "npy", "--preset", "paper")
         outcome = run("render", tmp_path / "shots", "-o", tmp_path / jobs, "--json", *options, code=1)
         assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
         assert len(outcome.errors) == 1
@@ -144,7 +144,7 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Pa
     count = 12
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
-    running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--workers", "1") for _ in range(3)]
+    running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--jobs", "1") for _ in range(3)]
     records = [record for process in running for record in ended(process, code=0).records]
     made = [record["output"] for record in records if not record.get("current")]
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))

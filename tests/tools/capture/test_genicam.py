@@ -26,7 +26,7 @@ from tools.capture.genicam import libraries
 MONO8, MONO12, MONO12P = ("Mono8", 0x01080001, "u8", 8), ("Mono12", 0x01100005, "u16", 12), ("Mono12p", 0x010C0047, "mono12p", 12)
 SCF1WGWR12P = ("SCF1WGWR12p", 0x010C0079, "mono12p", 12)
 SOURCE = "genicam:127.0.0.1"
-TILE = ["--period", "6", "--origin", "2", "1"]
+TILE = ["--pattern", "K=6", "--origin", "2,1"]
 Plug = Callable[..., FakeCamera]
 
 

@@ -30,7 +30,7 @@ STEM = "builtin-280x220"
 def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A burst of three noisy frames of the built-in scene, with its true motion."""
     folder = tmp_path_factory.mktemp("burst")
-    options = ("--burst", "3", "--motion", "2", "--rotation", "0.3", "--sigma", "0.01", "--reduce", "2", "--truth")
+    options = ("--burst", "3", "--motion", "2", "--sigma", "0.01", "--reduce", "2", "--truth")
     run("simulate", STEM.replace("-", ":"), "-o", folder, *options, code=0)
     return folder
 

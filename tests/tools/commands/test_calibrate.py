@@ -181,7 +181,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         to = tmp_path / f"{kind}{light}-{seed}"
         lit = [] if light == 1 else ["--light", str(light)]
-        run("simulate", f"{kind}:720x480", "-o", to, "--protocol", "sensor", "--seed", str(seed), *lit, code=0)
+        run("simulate", f"{kind}:720x480", "-o", to, "--light", "1", "--seed", str(seed), *lit, code=0)
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
     others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]

@@ -7,8 +7,8 @@ import signal
 import subprocess
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
 from unittest.mock import patch
 
@@ -29,8 +29,8 @@ from tools.simulation.drawn.builtin import builtin_scene
 from tools.simulation.sensor import simulate_additive
 
 SIZE, SHOWN = (20, 30), (96, 128)
-LAYOUT = ["--width", "30", "--height", "20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]
-DESCRIBED = ["--width", "128", "--height", "96", "--pixel-format", "raw12"]
+LAYOUT = ["--size", "30x20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]
+DESCRIBED = ["--size", "128x96", "--pixel-format", "raw12"]
 ENDING = pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 
 
@@ -43,20 +43,13 @@ def run(*arguments: str | Path, code: int | None = None) -> Outcome:
     return command("capture", *arguments, code=code)
 
 
-def piped(data: bytes, *arguments: str, code: int | None = None) -> Outcome:
-    """The command with a pipe as standard input."""
-    reading, writing = os.pipe()
-
-    def feed() -> None:
-        with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
-            pipe.write(data)
-
-    feeding = threading.Thread(target=feed)
-    feeding.start()
-    with os.fdopen(reading, "rb") as pipe, patch("sys.stdin", pipe):
-        outcome = run("-", *arguments, code=code)
-    feeding.join()
-    return outcome
+def from_recording(data: bytes, *arguments: str, code: int | None = None) -> Outcome:
+    """The command with a recording as standard input."""
+    with NamedTemporaryFile() as recording:
+        recording.write(data)
+        recording.flush()
+        with open(recording.name, "rb") as file, patch("sys.stdin", file):  # noqa: PTH123
+            return run("-", *arguments, code=code)
 
 
 def recorded(folder: Path, data: bytes, *arguments: str | Path, code: int) -> str:
@@ -83,7 +76,7 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     latest = tmp_path / "latest"
-    done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(latest), code=0)
+    done = from_recording(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--json", "--latest", str(latest), code=0)
     assert [record["output"] for record in done.records] == [str(path) for path in shots(out)]
     assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in done.records)
     assert [record["dropped"] for record in done.records] == [0, 0, 0]
@@ -96,7 +89,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
 
 
 def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> None:
-    done = piped(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, "--wait", code=1)
+    done = from_recording(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, code=1)
     assert len(shots(out)) == 2
     assert "ended in the middle of a frame, 100 bytes after 2 whole ones" in done.err
     assert done.err.endswith("2 saved, 0 dropped, 1 failed\n")
@@ -118,16 +111,16 @@ def shown(stride: int = 0) -> bytes:
 @pytest.mark.parametrize(
     ("data", "options", "words"),
     [
-        (shown(224) * 6, [], "; run `panchroma identify FRAME --width 128 --height 96 --pixel-format raw12 --stride 192`"),
+        (shown(224) * 6, [], "; run `panchroma identify FRAME --size 128x96 --pixel-format raw12 --stride 192`"),
         (shown() * 2, ["--pattern", "GRWWWW/BGWWWW" + 4 * "/WWWWWW"], "the two greens of a block lie on the other diagonal"),
     ],
 )
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
-    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", code=1)
+    done = from_recording(data, "-o", str(out), *DESCRIBED, *options, code=1)
     assert words in done.err
     assert "If the description is right, add --unchecked" in done.err
     assert shots(out) == []
-    piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", "--unchecked", code=0)
+    from_recording(data, "-o", str(out), *DESCRIBED, *options, "--unchecked", code=0)
     assert len(shots(out)) == len(data) // (96 * 192)
 
 
@@ -174,7 +167,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
 
 
 def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
-    run("builtin:96x64@50", "-o", out, "--frames", "3", "--period", "4", "--origin", "1", "2", code=0)
+    run("builtin:96x64@50", "-o", out, "--frames", "3", "--pattern", "K=4", "--origin", "1,2", code=0)
     one, two, three = (read_dng(path) for path in shots(out))
     assert (one.shape, one.pattern) == ((64, 96), CfaPattern.bayer(4, origin=(1, 2)))
     assert None not in (one.calibration.camera_to_xyz, one.calibration.noise)
@@ -185,7 +178,7 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
     camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(camera.to_json()))
-    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file), code=0)
+    done = from_recording(frame(0), "-o", str(out), *LAYOUT, "--camera", str(file), code=0)
     assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
     assert "no --camera" not in done.err
 
@@ -204,7 +197,7 @@ def test_frames_of_another_size_than_the_camera_file_s_are_refused(
     described = (*options, "--pixel-format", "raw12", "--width", str(wide), "--height", str(high))
     simulated = f"builtin:{wide}x{high}@9"
     for source, done in (
-        ("-", piped(b"", *described, code=2)),
+        ("-", from_recording(b"", *described, code=2)),
         (tmp_path, run(tmp_path, *described, code=2)),
         (simulated, run(simulated, *options, code=2)),
     ):
@@ -214,14 +207,14 @@ def test_frames_of_another_size_than_the_camera_file_s_are_refused(
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
-    assert "-: ended after 1 of 2 shots" in piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2", code=1).err
+    assert "-: ended after 1 of 2 shots" in from_recording(frame(0), "-o", str(out), *LAYOUT, "--frames", "2", code=1).err
     assert len(shots(out)) == 1
 
 
 def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -> None:
     data = b"".join(coloured_light(light).codes.astype("<u2").tobytes() for light in (LIGHT, (1.0, 0.7, 0.3), LIGHT))
-    layout = ("--width", "200", "--height", "150", "--pixel-format", "u16", "--sensor-bits", "12")
-    piped(data, "-o", str(out), *layout, "--wait", code=0)
+    layout = ("--size", "200x150", "--pixel-format", "u16", "--bits", "12")
+    from_recording(data, "-o", str(out), *layout, code=0)
     neutrals = [read_dng(path).calibration.neutral for path in shots(out)]
     assert np.allclose(np.array(neutrals), LIGHT, atol=0.09)
     first = shots(out)[0]
@@ -229,7 +222,7 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
 
 
 def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:
-    done = piped(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12", code=0)
+    done = from_recording(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12", code=0)
     assert done.err.endswith("12 saved, 0 dropped\n")
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
     assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
@@ -255,13 +248,13 @@ def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> Non
     assert heard.err.endswith("1 saved, 0 dropped, 1 failed\n")
 
 
-@pytest.mark.parametrize(("options", "black"), [(["--covered"], 256.0), (["--black", "16"], 16.0)])
+@pytest.mark.parametrize(("options", "black"), [(["--unchecked"], 256.0), (["--black", "16"], 16.0)])
 def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out: Path, options: list[str], black: float) -> None:
     """`calibrate --dark` needs them; without the options frames are refused."""
     levels = np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16)
     data = pack(levels, "raw12", 0) * 2
-    piped(data, "-o", str(out), *DESCRIBED, "--wait", code=1)
-    done = piped(data, "-o", str(out), *DESCRIBED, "--wait", *options, code=0)
+    from_recording(data, "-o", str(out), *DESCRIBED, code=1)
+    done = from_recording(data, "-o", str(out), *DESCRIBED, *options, code=0)
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
     assert (f"black level {black:.0f}" in done.err) == ("--black" not in options)
 
@@ -278,7 +271,7 @@ def moving(count: int) -> list[bytes]:
     return [pack(frame, "raw12") for frame in frames]
 
 
-MOVING = ("--width", "310", "--height", "220", "--pixel-format", "raw12")
+MOVING = ("--size", "310x220", "--pixel-format", "raw12")
 LINE = 465  # bytes
 
 
@@ -288,7 +281,7 @@ LINE = 465  # bytes
 def test_a_stream_that_loses_or_gains_bytes_ends_at_once_and_its_shots_are_right(out: Path, place: int, lost: int) -> None:
     frames = moving(8)
     slipped = frames[5][:place] + b"\xa5" * -lost + frames[5][place + max(lost, 0) :]
-    done = piped(b"".join([*frames[:5], slipped, *frames[6:], *frames]), "-o", str(out), *MOVING, "--wait", code=1)
+    done = from_recording(b"".join([*frames[:5], slipped, *frames[6:], *frames]), "-o", str(out), *MOVING, code=1)
     assert [read_dng(path).codes.tobytes() for path in shots(out)] == [unpacked(frame) for frame in frames[:5]]
     assert "the stream has lost or gained bytes; start the camera again" in done.err
     assert f"{shots(out)[-1]}: its last rows may be wrong; all shots before it are right" in done.err
@@ -302,7 +295,7 @@ def unpacked(frame: bytes) -> bytes:
 def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int) -> None:
     frames, dark = moving(3), pack(np.random.default_rng(0).normal(256, 3, (220, 310)).round().astype(np.uint16), "raw12")
     data = b"".join([*frames, dark * 2, dark[lost:], dark, *frames])
-    done = piped(data, "-o", str(out), *MOVING, "--wait", code=1)
+    done = from_recording(data, "-o", str(out), *MOVING, code=1)
     saved = shots(out)
     assert len(saved) == (5 if lost == 1 else 7)  # single bytes are seen in the dark
     assert f"{len(saved) - 2} shots may be wrong, {saved[2]} to {saved[-1]}; all before them are right" in done.err
@@ -310,10 +303,10 @@ def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int)
 
 def test_of_a_burst_that_slips_nothing_is_saved(out: Path) -> None:
     frames = moving(8)
-    done = piped(b"".join(frames)[:-40000] + bytes(30000), "-o", str(out), *MOVING, "--burst", "7", code=0)
+    done = from_recording(b"".join(frames)[:-40000] + bytes(30000), "-o", str(out), *MOVING, "--burst", "7", code=0)
     assert len(shots(out)) == 7
     data = b"".join([*frames[:5], frames[5][LINE:], *frames[6:], frames[0]])
-    done = piped(data, "-o", str(out), *MOVING, "--burst", "7", code=1)
+    done = from_recording(data, "-o", str(out), *MOVING, "--burst", "7", code=1)
     assert len(shots(out)) == 7
     assert "the stream has lost or gained bytes" in done.err
 

@@ -33,7 +33,7 @@ def mixed(tmp_path: Path) -> Path:
 
 
 def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
-    options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "--workers", "1", "--json")
+    options = ("-o", out, "--methods", "preview,bilinear", "--sigma", "0,0.03", "--jobs", "1", "--json")
     outcome = run("evaluate", mixed, "builtin:60x60", *options, code=1)
     assert len(outcome.errors) == 3
     assert all(sum(name in line for line in outcome.errors) == 1 for name in ("empty.cr2", "cut.png", "tiny.npy"))
@@ -57,7 +57,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     # Again: refused before any work; with --resume from what is kept; another method adds itself.
     assert "evaluation.html: exists already" in run("evaluate", mixed, *options, code=2).err
     kept = times(out / "results")
-    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--resume", "--no-page", code=1)
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear,dlmmse", "--resume", code=1)
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
@@ -66,7 +66,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
 
 
 def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:
-    options = ("builtin:60x60", "-o", out, "--methods", "preview", "bilinear", "--sigma", "0.01", "--workers", "1", "--no-page")
+    options = ("builtin:60x60", "-o", out, "--methods", "preview,bilinear", "--sigma", "0.01", "--jobs", "1")
     run("evaluate", *options, code=0)
     results, csv = out / "results", (out / "evaluation.csv").read_text()
     for path in results.iterdir():  # results as an earlier fault may have left them: of something else
@@ -88,7 +88,7 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(out: Path, t
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
     bad = tmp_path / "bad.png"
     bad.write_bytes(b"")
-    options = ("--methods", "preview", "--sigma", "0", "--workers", "1", "--rival", path)
+    options = ("--methods", "preview,--sigma", "0", "--jobs", "1", "--rival", path)
     run("evaluate", "builtin:60x60", bad, "-o", out, *options, code=1)
     page, csv, written = ((out / f"evaluation.{end}").read_text() for end in ("html", "csv", "json"))
     assert "bad.png" in page
@@ -99,7 +99,7 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(out: Path, t
 
 
 def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:
-    options = ("-o", tmp_path, "--methods", "paper", "bilinear", "--sigma", "0.01", "--period", "4", "6", "--dry-run")
+    options = ("-o", tmp_path, "--methods", "paper,bilinear", "--sigma", "0.01", "--pattern", "K=4", "6", "--dry-run")
     said = run("evaluate", mixed / "light.npy", *options, code=0).out.splitlines()
     assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
     assert said[3].startswith("3 results to make, 0 kept")
@@ -109,9 +109,9 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
 def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
-    light = ("--light", "0.25", "--workers", "1", "--no-page", "--json")
-    options = ("--methods", "planes", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
-    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6", code=0)
+    light = ("--light", "0.25", "--jobs", "1", "--json")
+    options = ("--methods", "planes,bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
+    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--pattern", "K=6", code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
     assert (document["protocol"]["kind"], document["protocol"]["levels"]) == ("sensor", [0.25])

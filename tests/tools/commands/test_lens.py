@@ -19,7 +19,7 @@ LENS = lens_shading(1.5, 0.1, 4, SHAPE)
 
 def taken(folder: Path, name: str, source: str, *options: str, focal: float | None = None, **facts: Any) -> Path:
     """Simulate a source in `folder/true`, and save the shot as `folder/name`, where its calibration states other facts."""
-    run("simulate", source, "-o", folder / "true", "--overwrite", "--protocol", "sensor", *options, code=0)
+    run("simulate", source, "-o", folder / "true", "--overwrite", "--light", "1", *options, code=0)
     shot = read_dng(folder / "true" / f"{source.replace(':', '-')}.dng")
     return save(folder / name, replace(stating(shot, **facts), metadata=CaptureMetadata(focal_length=focal)))
 

@@ -5,7 +5,7 @@ from argparse import ArgumentParser
 import pytest
 
 from shared import CfaPattern
-from tools.commands.options import add, factor, pattern_of
+from tools.commands.options import add, camera_of, factor
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 
@@ -15,15 +15,15 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
     [
         ("", None, CfaPattern.bayer()),
         ("", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK)),
-        ("--origin 1 2", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK, (1, 2))),
-        (f"--pattern {KODAK} --origin 1 -1", None, CfaPattern.of_letters(KODAK, (1, 3))),
-        ("--period 4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
+        ("--origin 1,2", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK, (1, 2))),
+        (f"--pattern {KODAK} --origin 1,-1", None, CfaPattern.of_letters(KODAK, (1, 3))),
+        ("--pattern K=4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
     ],
 )
 def test_the_pattern_that_options_describe(options: str, known: CfaPattern | None, expected: CfaPattern) -> None:
     parser = ArgumentParser()
-    add(parser, "pattern", "period", "origin")
-    assert pattern_of(parser.parse_args(options.split()), known) == expected
+    add(parser, "camera", "pattern", "origin")
+    assert camera_of(parser.parse_args(options.split()), known) == (None, expected)
 
 
 @pytest.mark.parametrize(("text", "expected"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])

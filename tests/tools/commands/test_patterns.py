@@ -37,7 +37,7 @@ def quality(out: Path, stem: str) -> float:
 
 def test_five_bands(out: Path, tmp_path: Path) -> None:
     scene, shot = save(tmp_path / "bands.npy", bands()), out / "bands.dng"
-    camera = ("--origin", "2", "1", "--truth", "--sigma", "0.01", "--sensor-bits", "14")
+    camera = ("--origin", "2,1", "--truth", "--sigma", "0.01", "--bits", "14")
     run("simulate", scene, "-o", out, "--pattern", FIVE, *camera, code=0)
     assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
     saved = read_dng(shot)
@@ -68,7 +68,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
 
 def test_broadband_filters_show_the_colours_of_the_scene(out: Path) -> None:
     source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
-    made = run("simulate", source, "-o", out, "--pattern", BROADBAND, "--truth", "--protocol", "sensor", code=0)
+    made = run("simulate", source, "-o", out, "--pattern", BROADBAND, "--truth", "--light", "1", code=0)
     assert "C, M and Y are made from the scene's red, green and blue" in made.err
     red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
     truth = tifffile.imread(out / f"{stem}.truth.tif")

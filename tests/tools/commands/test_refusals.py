@@ -13,72 +13,61 @@ import tifffile
 from shared import Camera, CfaPattern, SensorCalibration
 from tests.tools.command import contents, run
 
-FRAMES = "--width 128 --height 96 --pixel-format raw12"
+FRAMES = "--size 128x96 --pixel-format raw12"
 
-# Misspelt arguments: the likely word, after one line of usage.
+# Wrong arguments: words of the line after that of usage.
 MISSPELT = {
     "": {
-        "rendr shots -o out": "panchroma render: error: there is no verb rendr; did you mean render?",
-        "shots render -o out": "panchroma render: error: the verb comes first: panchroma render ...",
+        "rendr shots -o out": "panchroma: error: argument VERB: invalid choice: 'rendr'",
         "render shots": "panchroma render: error: the following arguments are required: -o/--output",
-        "demo x.dng": "panchroma demo: error: x.dng is one argument too many",
-        "develop": "panchroma: error: there is no verb develop; panchroma --help lists them",
-        "--hlep": "panchroma: error: there is no option --hlep; did you mean --help?",
-        "": "panchroma: error: a verb is missing; panchroma --help lists them",
-        "inspect shot '--\x1b[2J\nall_is_well'": r"panchroma inspect: error: there is no option --\x1b[2J all_is_well",
+        "demo x.dng": "panchroma: error: unrecognized arguments: x.dng",
+        "": "panchroma: error: the following arguments are required: VERB",
+        "inspect shot '--\x1b[2J\nall_is_well'": r"panchroma: error: unrecognized arguments: --\x1b[2J all_is_well",
+        "design x": "panchroma: error: there is no verb design any more: panchroma evaluate SCENE",
     },
-    "render shots": {"--outpt out": "panchroma render: error: there is no option --outpt; did you mean --output?"},
     "render shots -o out": {
-        "--preset bset": "argument --preset: 'bset' is none of best, unlearned, paper; did you mean best?",
-        "-f pgn": "; did you mean png?",
-        "--bits 12": "argument --bits: 12 is none of 8, 16, 32",
-        "--exposure bright": "argument --exposure: 'bright' is not a number",
-        "--max-pixels -5": "argument --max-pixels: '-5' is not a whole number from 1 on",
+        "--overwr": "unrecognized arguments: --overwr",  # no abbreviations
+        "--preset bset": "argument --preset: invalid choice: 'bset'",
+        "-f pgn": "argument -f/--format: invalid choice: 'pgn'",
+        "--bits 12": "argument --bits: invalid choice: 12",
+        "--exposure bright": "argument --exposure: invalid float value: 'bright'",
     },
-    "simulate builtin:9x9 -o out": {"--period six": "argument --period: 'six' is not a whole number"},
 }
 # Command -> what is added to it -> words of the only line that says what is wrong.
 USAGE = {
     "simulate builtin:24x18 -o out": {
-        "--period 2": "the period is 2, expected 3 to 16",
-        "--sensor-bits 7": "7 bits: expected 8 to 16",
-        "--sigma -1": "--sigma is -1.0, expected 0 or more",
-        "--sigma 0.1 --protocol sensor": "--sigma is not a level of --protocol sensor, whose noise is set by --light",
-        "--light 2 --protocol paper": "--light is not a level of --protocol paper, whose noise is set by --sigma",
-        "--light 2 --sigma 0": "--sigma and --light set different kinds of noise; give one of them",
+        "--pattern K=2": "`pattern` 'K=2': the tile has no panchromatic pixel",
+        "--bits 7": "7 bits: expected 8 to 16",
+        "--sigma -1": "`sigma` is -1.0, expected 0 or more",
+        "--light 2 --sigma 0": "`sigma` and `light` set different kinds of noise; give one of them",
         "--motion 2": "--motion needs --burst",
-        "--moving": "--moving needs --burst",
-        "--burst 99999999999": "--burst is 99999999999, expected 1 to 1000 frames",
+        "--burst 99999999999": "`burst` is 99999999999, expected 1 to 1000 frames",
         "--camera=": "argument --camera: '' is not the name of a file",
-        "--burst 2 --motion -1": "--motion is -1.0 pixels, expected 0 to",
+        "--burst 2 --motion -1": "argument --motion: '-1' is not a number from 0 on",
         "--burst 2 --bracket 0,x": "--bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
-        "--burst 2 --bracket 0": "--bracket has 1 figures for 2 frames",
+        "--burst 2 --bracket 0": "`bracket` has 1 figures for 2 frames",
         "--camera missing.json": "missing.json: there is no such file",
         "--camera text.json": "text.json: is not JSON",
         "--camera rgbe.json": "rgbe.json: the pattern has channels RGB, the calibration RGBE: they belong to different sensors",
-        **{f"--shading={lens}": "--shading" for lens in ("", "9,0", "1,99", "much", "1,2,3", "-1", "nan,0")},
+        "--origin 1": "argument --origin: '1' is not a row and a column, such as 2,3",
+        **{f"--shading={lens}": "shading" for lens in ("", "9,0", "1,99", "much", "1,2,3", "-1", "nan,0")},
     },
     "render shot.dng -o out": {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
-        "--wb auto --space camera": "--wb does not go with --space camera",
-        "--wb daylight": "--wb is 'daylight', expected camera, auto or multipliers R,G,B",
+        "--wb auto --space camera": '`wb` does not go with `space="camera"`',
+        "--wb daylight": "`wb` is 'daylight', expected camera, auto or multipliers R,G,B",
         "--wb 2,0,1": "expected multipliers between 0.001 and 1000",
-        "--exposure 1 --space camera": "--exposure is 1 stops, but --space camera is the scene as measured; choose another space",
-        "--exposure 1 -f dng": "--exposure is 1 stops, but a dng is the scene as measured; choose another format, such as tif",
-        "--defects shot.dng --preset paper": "--defects needs --preset best",
-        "--workers 2 --scheduler tcp://a:1": "--workers cannot be used with a scheduler",
-        "--scheduler ''": "'' is not the address of a dask scheduler, tcp://HOST:PORT",
-        "--shard 1/3": "there is no option --shard any more: start panchroma render --resume several times",
-        "--scheduler-file file": "there is no option --scheduler-file any more: give --scheduler the address",
+        "--exposure 1 --space camera": '`exposure` is 1 stops, but `space="camera"` is the scene as measured; choose another space',
+        "--exposure 1 -f dng": "`exposure` is 1 stops, but a dng is the scene as measured; choose another format, such as tif",
+        "--jobs 2 --scheduler tcp://a:1": "--jobs cannot be used with a scheduler",
     },
-    "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
+    "preview shot.dng -o out": {"--scale 0": "`scale` is 0, expected 1 or more"},
     "burst frames -o out": {
-        "--shifts 0,0 2,0": "--shifts has 2 places for 3 shots, expected one for each",
-        "--shifts 0,0 2,0 0,2 2,2": "--shifts has 4 places for 3 shots, expected one for each",
-        "--shifts 0,0 nan,0 1,1": "--shifts are ((0.0, 0.0), (nan, 0.0)",
-        "--shifts 0,0 -2,-1e9 1,1": "expected 1000 pixels at most",
+        "--shifts '0,0 2,0'": "--shifts has 2 places for 3 shots, expected one for each",
+        "--shifts '0,0 nan,0 1,1'": "`shifts` are ((0.0, 0.0), (nan, 0.0)",
+        "--shifts '0,0 -2,-1e9 1,1'": "expected 1000 pixels at most",
         "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the 3 shots of the burst",
     },
     "burst -o out": {
@@ -87,57 +76,43 @@ USAGE = {
         "two": "rose-1.dng; name the files of one",
     },
     "capture builtin:64x48@9 -o out": {
-        "--width 64": "--width does not go with builtin:64x48@9",
-        "--new": "--new does not go with builtin:64x48@9: only a folder can already contain frames",
-        "--wait": "--wait does not go with builtin:64x48@9",
+        "--size 64x48": "`width` does not go with builtin:64x48@9",
+        "--size 64": "argument --size: '64' is not a width and a height, such as 4056x3040",
+        "--new": "`new` does not go with builtin:64x48@9: only a folder can already contain frames",
         "--burst 2 --frames 2": "--frames does not go with --burst",
-        "--black 0": "--black does not go with builtin:64x48@9",
-        "--gain 3": "--gain does not go with builtin:64x48@9",
+        "--black 0": "`black` does not go with builtin:64x48@9",
+        "--gain 3": "`gain` does not go with builtin:64x48@9",
         "--latest .": "exists and is no link",
-        "--pattern auto": "--pattern takes a name or letters; `panchroma identify` finds those of one raw frame",
-        "--camera gone.json": "gone.json: there is no such file",
-        "--camera six.json --period 8": "six.json: the pattern is RGB period 8",
+        "--camera six.json --pattern K=8": "six.json: the pattern is RGB period 8",
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
     "capture -o out": {
-        ".": ".: frames have no header; describe them with --width, --height, --pixel-format",
+        ".": ".: frames have no header; describe them with `width`, `height`, `pixel_format`",
         "builtin:64x48": "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS",
         "builtin:4000x3000@9 --burst 999999": "that many frames of 4000 x 3000 need 22351.8 GB of memory",
         "nowhere": "nowhere: is not a folder; SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS",
-        "genicam:127.0.0.1 --wait": "a sensor does not wait",
-        ". --gain 3": "--gain does not go with .",
+        ". --gain 3": "`gain` does not go with .",
     },
     f"capture . -o out {FRAMES}": {
-        "--covered --unchecked": "--covered does not go with .",
-        "--black -1": "--black is -1, expected a code from 0 to 2047",
-        "--black 2048": "--black is 2048, expected a code from 0 to 2047",
-        "--black 16 --camera camera.json": "--black does not go with --camera",
-        "--camera six.json --period 8": "the camera file's RGB period 6",
+        "--black 2048": "`black` is 2048, expected a code from 0 to 2047",
+        "--black 16 --camera camera.json": "`black` does not go with `camera`",
+        "--camera six.json --pattern K=8": "the camera file's RGB period 6",
     },
     "view builtin:64x48@9": {
         "--latest latest": "--latest needs -o DIR",
         "--bind camera": "'camera' is not the address",
-        **{
-            f"--host {name}": "is not a name such as camera.example.org"
-            for name in ("https://a.example", "a.example/x", "a:80", "*")
-        },
+        "--bind 127.0.0.1:http": "argument --bind: '127.0.0.1:http' is not an address and a port",
+        **{f"--host {name}": "is not a name such as camera.example.org" for name in ("https://a.example", "a:80", "*")},
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
-        "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
     "evaluate -o out": {"gone.npy": "no scene could be read"},
     "evaluate builtin:60x60 -o out": {
-        "--period 2": "--period is 2, expected 3 to",
-        "--sigma -1": "--sigma is -1.0, expected 0 or more",
-        "--light 0.5 --protocol paper": "--light is not a level of --protocol paper, whose noise is set by --sigma",
-        "--light 0.5 --sigma 0 0.01": "--sigma and --light set different kinds of noise; give one of them",
+        "--pattern K=2": "`pattern` 'K=2': the tile has no panchromatic pixel",
+        "--sigma 0,-1": "`sigma` is -1.0, expected 0 or more",
+        "--light 0.5 --sigma 0,0.01": "`sigma` and `light` set different kinds of noise; give one of them",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--max-memory 1M": "no scene could be read",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
-    },
-    "demo": {
-        "--sigma -1": "--sigma is -1.0",
-        "--sigma nan": "--sigma is nan",
-        "--burst 1": "--burst is 1, expected 2 frames or more",
     },
     "preview shot.dng": {
         "": "-o is missing: the folder for the previews",
@@ -145,7 +120,7 @@ USAGE = {
         "--export g.onnx --scale 4": "has 1, 2, 3, 6",
         "shot.dng --export g.onnx": "--export writes the graph for the pattern of one shot, and 2 are named",
         "--export missing/g.onnx": "the folder missing does not exist",
-        "--export mine.onnx": "mine.onnx: exists already; use --overwrite",
+        "--export mine.onnx": "mine.onnx: exists already; ",
     },
     "calibrate": {
         "-o new.json": "nothing to calibrate from",
@@ -154,21 +129,20 @@ USAGE = {
         "shot.dng shot.dng --corners 1,2 3,4 5,6 7,8 -o new.json": "one shot",
         "shot.dng --corners 1 2 3 4 -o new.json": "is not 2 numbers with commas between them",
         "shot.dng -o shot.dng --overwrite": "is an input",
-        "--chart-light D65 shot.dng -o new.json": "--chart-light is given once for each of two lights",
+        "--chart-light D65=shot.dng -o new.json": "--chart-light names two lights",
+        "--chart-light D65 -o new.json": "argument --chart-light: 'D65' is not a light and a file or folder, such as D65=charts",
     },
 }
 # Every command that takes a pattern.
 PATTERNS = {
-    "--pattern RGWW/GBWW/WWWW/WWWW --period 4": "leave --period out",
-    "--pattern nothing.txt": "--pattern 'nothing.txt': is not the capital letters",
+    "--pattern nothing.txt": "`pattern` 'nothing.txt': is not the capital letters",
     "--pattern wrong.txt": "wrong.txt: the rows of 'RGW/GBWW' differ in length",
 }
 # Every kind of value.
 VALUES = {
-    ("simulate builtin:24x18 -o out", "light"): (("1/0", "1/", "/4", "bright", ""), "a number, or a fraction such as 1/4"),
-    ("render shot.dng -o out", "threads"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
+    ("simulate builtin:24x18 -o out", "light"): (("1/0", "1/", "bright", ""), "a number, or a fraction such as 1/4"),
+    ("render shot.dng -o out", "jobs"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
     ("simulate builtin:24x18 -o out", "seed"): (("-1", "1.5"), "a whole number from 0 on"),
-    ("burst frames -o out", "shifts"): (("1", "1,2,3", "1,x", ""), "2 numbers with commas between them, such as 2,-0.5"),
 }
 for (command, option), (texts, expected) in VALUES.items():
     USAGE[command] |= {f"--{option}={text}": f"{text!r} is not {expected}" for text in texts}
@@ -213,8 +187,8 @@ FILES = {
         "rgb.tif": "rgb.tif: is a picture with several colours at each pixel",
         "float.npy": "float.npy: its samples are float32",
         "none.dng": "none.dng: there is no such file",
-        "text.json": "a frame without a header needs --width, --height and --pixel-format",
-        "text.json --width 9 --height 9": "describe them with --pixel-format",
+        "text.json": "a frame without a header needs --size and --pixel-format",
+        "text.json --size 9x9": "describe them with `pixel_format`",
     },
 }
 
@@ -263,7 +237,7 @@ def test_it_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch, line: str,
     program, error, _ = said.partition(": error: ")
     if error:  # of the command line itself
         (usage,) = before_it
-        assert usage.startswith(f"usage: {'panchroma VERB' if program == 'panchroma' else program} ")
+        assert usage.startswith(f"usage: {program} ")
         assert usage.endswith(" [options]")
     assert "fault" not in outcome.err
     assert outcome.out == ""

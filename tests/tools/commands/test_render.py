@@ -57,7 +57,7 @@ def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits, with its truth beside it."""
     folder = tmp_path_factory.mktemp("shots")
-    run("simulate", SOURCE, "-o", folder, "--sensor-bits", "16", "--sigma", "0.02", "--truth", code=0)
+    run("simulate", SOURCE, "-o", folder, "--bits", "16", "--sigma", "0.02", "--truth", code=0)
     return folder / f"{STEM}.dng"
 
 
@@ -76,8 +76,8 @@ def save(path: Path, codes: ArrayLike | None = None) -> Path:
 @pytest.mark.parametrize(("sigma", "period"), [(0.0, 6), (0.02, 4)])
 def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
     """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
-    options = ["--period", str(period), "--origin", "2", "1", "--sigma", str(sigma), "--seed", "5"]
-    run("simulate", SOURCE, "-o", out, "--sensor-bits", "16", "--truth", *options, code=0)
+    options = ["--period", str(period), "--origin", "2,1", "--sigma", str(sigma), "--seed", "5"]
+    run("simulate", SOURCE, "-o", out, "--bits", "16", "--truth", *options, code=0)
     run("render", out / f"{STEM}.dng", "-o", out, *MEASURED, code=0)
     rendered, truth = tifffile.imread(out / f"{STEM}.tif"), tifffile.imread(out / f"{STEM}.truth.tif")
     assert rendered.dtype == truth.dtype == np.float32

@@ -52,7 +52,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
     assert np.array_equal(truth, scene)
 
 
-@pytest.mark.parametrize("named", [(), ("--protocol", "sensor")])
+@pytest.mark.parametrize("named", [(), ("--light", "1")])
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path, named: tuple[str, ...]) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
     expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, noise_of(0, SHOT))
@@ -65,11 +65,11 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path, named: tuple[st
 @pytest.mark.parametrize(
     ("options", "reads"),
     [
-        (["--period", "5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
+        (["--pattern", "K=5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
         (["--pattern", "GBW/RGW/WWW"], lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
         (["--origin", "4", "-1"], lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        (["--sensor-bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
-        (["--sensor-bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
+        (["--bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
+        (["--bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
         (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
     ],
 )
@@ -87,7 +87,7 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tm
     for source in sources:
         np.save(source, np.full((36, 36, 3), 0.5, np.float32))
     white = CfaPattern.bayer().panchromatic_mask((36, 36))
-    for protocol in (["--sigma", "0.1"], ["--protocol", "sensor"]):
+    for protocol in (["--sigma", "0.1"], ["--light", "1"]):
         run("simulate", *sources, "-o", out, "--overwrite", *protocol, code=0)
         one, other = (read_dng(out / f"{source.stem}.dng").codes.astype(float) for source in sources)
         assert abs(np.corrcoef(one[white], other[white])[0, 1]) < 0.2
@@ -102,7 +102,7 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tm
 def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tuple[str, ...], light: float) -> None:
     """It is the light of the scene times light and exposure, in command and notebook, in each protocol."""
     options = ("--truth", *more)
-    run("simulate", "builtin:96x72", "-o", out, "--protocol", "sensor", "--light", str(light), *options, code=0)
+    run("simulate", "builtin:96x72", "-o", out, "--light", str(light), *options, code=0)
     name = "builtin-96x72"
     found = tifffile.imread(out / f"{name}.truth.tif")
     run("simulate", "builtin:96x72", "-o", out, "--overwrite", "--truth", *more, code=0)
@@ -121,10 +121,10 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(calibration.to_json()))
     scene = builtin_scene(24, 18)
-    shot = simulate(out, "--camera", path, "--protocol", "sensor")
+    shot = simulate(out, "--camera", path, "--light", "1")
     # The camera does not know the colours, the scene does.
     assert shot.calibration == replace(read_camera(path).calibration, camera_to_xyz=scene.camera_to_xyz)
-    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--sensor-bits", "14").calibration
+    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--bits", "14").calibration
     assert (paper.gamma, paper.bits, paper.noise) == (calibration.gamma, 14, NoiseModel.gaussian(0.03, 4))
 
 
@@ -147,7 +147,7 @@ def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("light", [1, 0.25])
 def test_the_truth_is_also_a_picture_to_look_at(out: Path, light: float) -> None:
-    options = ("--protocol", "sensor", "--light", str(light), "--truth")
+    options = ("--light", str(light), "--truth")
     calibration = simulate(out, *options).calibration
     expected = ColourTransform.to_space(calibration).apply(tifffile.imread(out / TRUTH))
     np.testing.assert_allclose(np.asarray(Image.open(out / SHOWN)), 255 * expected, atol=1)
@@ -168,7 +168,7 @@ def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said
 
 # --- bursts ---------------------------------------------------------------------------------------------------------------------
 
-SERIES, HAND = "builtin:150x120", ["--burst", "3", "--motion", "2", "--rotation", "0.5", "--moving"]
+SERIES, HAND = "builtin:150x120", ["--burst", "3", "--motion", "2"]
 FRAMES = [f"builtin-150x120-{number}.dng" for number in (1, 2, 3)]
 BESIDE = {f"builtin-150x120.{ending}" for ending in ("truth.tif", "truth.png", "motion.json")}
 
@@ -196,7 +196,7 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
 
 
-@pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--protocol", "sensor"]])
+@pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--light", "1"]])
 def test_a_bracket_clips_and_its_files_state_the_exposure(out: Path, protocol: list[str]) -> None:
     run("simulate", SERIES, "-o", out, "--burst", "3", "--bracket", "0,-2,1.5", *protocol, code=0)
     shots = [read_dng(out / name) for name in FRAMES]

@@ -26,7 +26,7 @@ from tests.tools.commands.test_capture import LINE, MOVING, moving
 @contextmanager
 def viewing(*arguments: str | Path, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL) -> Iterator[Any]:
     """`panchroma view` in a process of its own, and the address of its page."""
-    with start("view", source, "--port", "0", *arguments, stdin=stdin) as process:
+    with start("view", source, "--bind", "127.0.0.1:0", *arguments, stdin=stdin) as process:
         try:
             line = process.stdout.readline()
             found = re.search(r"http://127\.0\.0\.1:\d+/", line)
@@ -62,7 +62,7 @@ def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: i
 
 def test_a_camera_that_breaks_off_ends_it() -> None:
     data = codes(0).tobytes() + b"12345"
-    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10", "--unchecked"]  # it is noise
+    options = ["--size", "30x20", "--pixel-format", "u16", "--bits", "10", "--unchecked"]  # it is noise
     reading, writing = os.pipe()
     with viewing(*options, source="-", stdin=reading) as (process, _):
         os.close(reading)
@@ -73,7 +73,7 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
 
 
 def test_a_camera_that_ends_between_two_frames_is_told() -> None:
-    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10", "--unchecked"]  # it is noise
+    options = ["--size", "30x20", "--pixel-format", "u16", "--bits", "10", "--unchecked"]  # it is noise
     reading, writing = os.pipe()
     with viewing(*options, source="-", stdin=reading) as (process, url):
         os.close(reading)
@@ -98,7 +98,7 @@ def test_a_stream_that_slips_ends_it() -> None:
 
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
     """To whoever comes after its last frame, too."""
-    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10", "--unchecked"]  # it is noise
+    options = ["--size", "30x20", "--pixel-format", "u16", "--bits", "10", "--unchecked"]  # it is noise
     reading, writing = os.pipe()
     with Browser(tmp_path / "profile") as browser, viewing(*options, source="-", stdin=reading) as (process, url):
         os.close(reading)
