@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import IO, NoReturn
+from typing import NoReturn
 
 from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
 from tools.batch.signals import INTERRUPTED, Terminated, orderly_end
@@ -68,7 +68,7 @@ FAILED, USAGE = 1, 2
 class _Parser(argparse.ArgumentParser):
     """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader may leave."""
 
-    def print_help(self, file: IO[str] | None = None) -> None:
+    def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))
 
     def error(self, message: str) -> NoReturn:

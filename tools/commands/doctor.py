@@ -28,6 +28,8 @@ from tools.batch.memory import available_memory
 from tools.commands.font_folder import temporary_font_folder
 from tools.io.versions import package_version, program_version
 
+from .options import add
+
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 ALL = "pip install -e '.[all]'"
 _LEAST_MEMORY = 2**30
@@ -43,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "processors of this model, wherever it finds the same cache folder (the line 'kernel cache' names it)"
     )
     parser.add_argument("--compile", action="store_true", help=compiled)
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -54,6 +57,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
         if finding.remedy:
             console.say(f"{'':{width + 8}}-> {finding.remedy}")
+        console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
     wrong = sum(finding.state == BAD for finding in findings)
     missing = sum(finding.state == MISSING for finding in findings)
     console.say(f"{wrong} wrong, {missing} optional things missing" if wrong or missing else "all is well")

@@ -132,7 +132,8 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
     for each in PROTOCOLS.values():
-        parser.add_argument(f"--{each.option}", **{"metavar": each.metavar, "type": factor, "help": each.help} | changed)
+        settings: dict[str, Any] = {"metavar": each.metavar, "type": factor, "help": each.help}
+        parser.add_argument(f"--{each.option}", **settings | changed)
 
 
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:

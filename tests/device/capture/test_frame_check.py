@@ -67,7 +67,7 @@ def refusal(data: bytes, described: Sensor) -> str:
         look(data, described)
     message = str(caught.value)
     assert message.startswith("the frame is not as described: ")
-    size = f"--width {described.layout.width} --height {described.layout.height}"
+    size = f"--size {described.layout.width}x{described.layout.height}"
     packing = f"--pixel-format {described.layout.format} --stride {described.layout.stride}"
     assert message.endswith(f"; run `panchroma identify FRAME {size} {packing}`. If the description is right, add `unchecked`")
     return message
@@ -238,7 +238,7 @@ def test_stripes_are_no_proof_against_a_right_description() -> None:
 
 def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/0001.raw")
-    with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw --width"):
+    with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw --size"):
         list(checked([frame], of(pattern=CfaPattern.bayer(5)), print))
 
 
@@ -257,31 +257,8 @@ def dark_codes(black: float) -> CodeArray:
     return np.random.default_rng(0).normal(black, 3.0, SIZE).round().clip(0).astype(np.uint16)
 
 
-def look_at_dark(code: CodeArray, bits: int, name: str = "u16") -> list[str]:
-    notes: list[str] = []
-    assert len(list(checked([RawFrame.now(pack(code, name))] * 2, of(name, bits=bits), notes.append, covered=True))) == 2
-    return notes
-
-
-@pytest.mark.parametrize(("black", "bits", "name"), [(0, 12, "u16"), (16, 10, "raw10"), (16, 12, "raw12"), (900, 12, "u16")])
-def test_dark_frames_of_any_black_level_pass_where_they_are_said_to_be_dark(black: int, bits: int, name: str) -> None:
-    """They are the first that a new sensor has to give: nothing is known of its black level before."""
-    assert look_at_dark(dark_codes(black), bits, name) == []
-
-
-def test_what_is_lit_or_too_large_is_not_dark() -> None:
-    with pytest.raises(InputError, match="nearly equal: there is light on the sensor"):
-        look_at_dark(codes(), 12)
-    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold"):
-        look_at_dark(codes(), 10)
-    described = of("raw12")
-    packed = RawFrame.now((pack(dark_codes(70), "raw10") * 2)[: described.layout.frame_bytes])
-    with pytest.raises(InputError, match="not as described"):  # packed words, read as other ones
-        list(checked([packed], described, print, covered=True))
-
-
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
-    assert "`black=N` states another level, `covered` that the lens is covered" in refusal(dark_codes(16).tobytes() * 2, of())
+    assert "`black=N` states another level; `unchecked` is for frames of a covered lens" in refusal(dark_codes(16).tobytes() * 2, of())
     part = codes().copy()
     part[:64, :64] = 0
     assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(pack(part, "u16"), of())

@@ -47,18 +47,6 @@ def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
     )
 
 
-def test_what_a_library_calls_an_argument_is_an_option_here(capsys: pytest.CaptureFixture[str]) -> None:
-    out = Console(json=True, options={"max_pixels": "--max-pixels", "overwrite": "--overwrite", "space": "--space"})
-    text = '9 pixels, `max_pixels` raises it; `overwrite=True`, not `space="camera"`, `origin=1`, `dask worker` nor `other`'
-    words = "9 pixels, --max-pixels raises it; --overwrite, not --space camera, `origin=1`, `dask worker` nor `other`"
-    for say in (out.say, out.note, out.error):
-        say(text)
-    out.record(error=text, source="`overwrite`")
-    shown = capsys.readouterr()
-    assert [line.removeprefix("panchroma: ") for line in shown.err.splitlines()] == [words] * 3
-    assert shown.out == f'{{"error": "{words}", "source": "`overwrite`"}}\n'
-
-
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

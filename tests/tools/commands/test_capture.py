@@ -194,7 +194,7 @@ def test_frames_of_another_size_than_the_camera_file_s_are_refused(
     file, camera = tmp_path / "camera.json", SensorCalibration.of_bits(12).to_json()
     file.write_text(json.dumps(camera | maps))
     options = ("-o", str(out), "--camera", str(file))
-    described = (*options, "--pixel-format", "raw12", "--width", str(wide), "--height", str(high))
+    described = (*options, "--pixel-format", "raw12", "--size", f"{wide}x{high}")
     simulated = f"builtin:{wide}x{high}@9"
     for source, done in (
         ("-", from_recording(b"", *described, code=2)),

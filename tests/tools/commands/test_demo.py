@@ -20,7 +20,7 @@ RESULTS = {"shot.dng", "preview.jpg", "render.png", "render.tif", "truth.tif", "
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The demo on a small frame, begun in an empty folder."""
-    sizes: dict[str, Any] = {"_WIDTH": WIDTH, "_HEIGHT": HEIGHT, "_DRAWN": (300, 240), "_OVERVIEW": (20, 30)}
+    sizes: dict[str, Any] = {"_WIDTH": WIDTH, "_HEIGHT": HEIGHT, "_DRAWN": (300, 240), "_OVERVIEW": (20, 30), "_FRAMES": 4}
     crops = {"_CROPS": {"star": (70, 100), "leaves": (10, 20)}, "_BURST_CROPS": {"leaves": (10, 20)}}
     for name, value in (sizes | crops).items():
         monkeypatch.setattr(demo, name, value)
@@ -40,7 +40,7 @@ def table(outcome: Outcome) -> dict[str, list[float]]:
 
 
 def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
-    outcome = run("demo", "-o", "results", "--sigma", "0.02", code=0)
+    outcome = run("demo", "-o", "results", code=0)
     folder = small / "results"
     assert outcome.err.startswith(f"the camera's own preview is ready: {Path('results', 'preview.jpg')}")  # before any compilation
     assert names(folder) == RESULTS
@@ -48,11 +48,11 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
     assert truth.shape == rendered.shape == (HEIGHT, WIDTH, 3)
     found = table(outcome)
     assert found["Panchroma, best"] == [round(value, 1) for value in quality(rendered, truth).median]
-    assert "at sigma 0.02" in outcome.out
+    assert "at sigma 0.01" in outcome.out
     # What the demo is there to show: full-resolution luminance.
     assert found["Panchroma, paper"][1] > found["Bayer, bilinear"][1] + 3
 
-    assert read_dng(folder / "shot.dng").calibration.noise.read == (0.02,) * 4
+    assert read_dng(folder / "shot.dng").calibration.noise.read == (0.01,) * 4
     shown, preview = pixels(folder / "render.png"), pixels(folder / "preview.jpg")
     assert shown.shape == preview.shape == truth.shape
     assert np.abs(shown - preview).mean() < 25  # the same picture
@@ -61,7 +61,7 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
 
 
 def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
-    outcome = run("demo", "--burst", "4", "-o", "results", code=0)
+    outcome = run("demo", "--burst", "-o", "results", code=0)
     folder = small / "results"
     frames = {f"frame-{number}.dng" for number in range(1, 5)}
     assert names(folder) == frames | {"frame.png", "burst.png", "burst.tif", "truth.tif", "comparison.png"}

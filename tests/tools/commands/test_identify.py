@@ -23,7 +23,7 @@ from tools.simulation.pattern_text import read_pattern
 from tools.simulation.sensor import simulate_additive
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
-SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))
+SIZE = ("--size", f"{SONY.shape[1]}x{SONY.shape[0]}")
 LETTERS = identify(SONY).tile
 
 
