@@ -258,7 +258,9 @@ def dark_codes(black: float) -> CodeArray:
 
 
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
-    assert "`black=N` states another level; `unchecked` is for frames of a covered lens" in refusal(dark_codes(16).tobytes() * 2, of())
+    assert "`black=N` states another level; `unchecked` is for frames of a covered lens" in refusal(
+        dark_codes(16).tobytes() * 2, of()
+    )
     part = codes().copy()
     part[:64, :64] = 0
     assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(pack(part, "u16"), of())

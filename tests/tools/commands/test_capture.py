@@ -84,7 +84,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     assert {read_dng(path).calibration for path in shots(out)} == {SensorCalibration.of_bits(12, headroom=False)}
     assert latest.resolve() == shots(out)[-1]
     lines = done.err.splitlines()
-    assert "no --camera: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
+    assert "no `camera`: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
     assert lines[-1] == "3 saved, 0 dropped"
 
 
@@ -118,14 +118,14 @@ def shown(stride: int = 0) -> bytes:
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
     done = from_recording(data, "-o", str(out), *DESCRIBED, *options, code=1)
     assert words in done.err
-    assert "If the description is right, add --unchecked" in done.err
+    assert "If the description is right, add `unchecked`" in done.err
     assert shots(out) == []
     from_recording(data, "-o", str(out), *DESCRIBED, *options, "--unchecked", code=0)
     assert len(shots(out)) == len(data) // (96 * 192)
 
 
 def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_path: Path) -> None:
-    for options, code, words in (([], 2, "likely --stride 256"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
+    for options, code, words in (([], 2, "likely `stride=256`"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
         assert words in recorded(tmp_path, bytes(256 * 96), "-o", out, *DESCRIBED, *options, code=code)
 
 
@@ -141,7 +141,7 @@ def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: 
     process = start("capture", "-", "-o", out, *LAYOUT, *burst, stdin=subprocess.PIPE)
     process.stdin.buffer.write(frame(0))  # type: ignore[attr-defined]
     process.stdin.flush()
-    assert "no --camera" in process.stderr.readline()
+    assert "no `camera`" in process.stderr.readline()
     assert "the frame " in process.stderr.readline()  # the first has come
     assert burst or "dropped 0" in process.stdout.readline()
     assert ended(process, number, code=code).err == said

@@ -73,7 +73,7 @@ def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:
         source = next(other for other in results.iterdir() if other.suffix == path.suffix and other != path)
         path.write_bytes(source.read_bytes())
     said = run("evaluate", *options, code=2).err
-    assert "evaluation.json: exists already; use --overwrite to replace it, or --resume to keep" in said
+    assert "evaluation.html: exists already; use `overwrite=True` to replace it, or `resume=True` to keep" in said
     assert run("evaluate", *options, "--overwrite", "--dry-run", code=0).out.endswith(
         "2 results to make, 0 kept from an earlier run\n"
     )
@@ -88,7 +88,7 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(out: Path, t
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
     bad = tmp_path / "bad.png"
     bad.write_bytes(b"")
-    options = ("--methods", "preview,--sigma", "0", "--jobs", "1", "--rival", path)
+    options = ("--methods", "preview", "--sigma", "0", "--jobs", "1", "--rival", path)
     run("evaluate", "builtin:60x60", bad, "-o", out, *options, code=1)
     page, csv, written = ((out / f"evaluation.{end}").read_text() for end in ("html", "csv", "json"))
     assert "bad.png" in page
@@ -99,26 +99,23 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(out: Path, t
 
 
 def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:
-    options = ("-o", tmp_path, "--methods", "paper,bilinear", "--sigma", "0.01", "--pattern", "K=4", "6", "--dry-run")
+    options = ("-o", tmp_path, "--methods", "paper,bilinear", "--sigma", "0.01", "--pattern", "K=4,K=6", "--dry-run")
     said = run("evaluate", mixed / "light.npy", *options, code=0).out.splitlines()
     assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
     assert said[3].startswith("3 results to make, 0 kept")
     assert [path.name for path in tmp_path.iterdir()] == ["mixed"]
 
 
-def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
+def test_patterns_of_every_kind_are_compared(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
     light = ("--light", "0.25", "--jobs", "1", "--json")
-    options = ("--methods", "planes,bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
-    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--pattern", "K=6", code=0)
+    options = ("--methods", "preview,bilinear", *light, "--pattern", f"K=6,{mine},WBWG/BWGW/WGWR/GWRW")
+    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
     assert (document["protocol"]["kind"], document["protocol"]["levels"]) == ("sensor", [0.25])
-    assert not (out / "evaluation.html").exists()
     assert list(document["protocol"]["patterns"]) == ["K=6", "mine", "Kodak"]
     assert document["protocol"]["pattern"] == "K=6"
     found = {(each["method"], each["pattern"], each["period"]) for each in document["figures"]}
-    assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
-    alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
-    assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
+    assert found == {("preview", "K=6", 6), ("preview", "mine", None), ("preview", "Kodak", None), ("bilinear", None, None)}

@@ -87,7 +87,7 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
     for letter, strongest in zip("RGB", range(3), strict=True):
         sites = np.array([[*row] for row in record["letters"]]) == letter
         assert (middles[:4, :4][sites].argmax(axis=-1) == strongest).all()
-    assert "exists already; use --overwrite" in run("identify", "-o", out, tmp_path / "sony.npy").errors[0]
+    assert "exists already; use `overwrite=True`" in run("identify", "-o", out, tmp_path / "sony.npy").errors[0]
 
 
 def test_frames_that_show_nothing_fail_with_what_to_photograph(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
     with path.open("rb") as stream:
         assert spawn("identify", "-", *layout, "--json", stdin=stream).records[0]["letters"] == list(LETTERS)
     for file, arguments, words in (
-        (path, layout[:-2], "likely --stride 448"),
+        (path, layout[:-2], "likely `stride=448`"),
         (odd, layout[:-2], "stripes is rare: size, format or stride may be another"),
     ):
         outcome = run("identify", file, *arguments)
@@ -129,10 +129,10 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sent", "padding", "described", "words"),
     [
-        ("raw12", 0, "mono12p", "--pixel-format raw12, which shows the tile Sony"),
-        ("mono12p", 6, "raw12", "--pixel-format mono12p --stride 330, which shows the tile Sony"),
-        ("raw12", 6, "raw12", "--stride 330, which shows the tile Sony"),
-        ("u16", 0, "u16be", "--pixel-format u16, which shows the tile Sony"),
+        ("raw12", 0, "mono12p", "`pixel_format=raw12`, which shows the tile Sony"),
+        ("mono12p", 6, "raw12", "`pixel_format=mono12p` `stride=330`, which shows the tile Sony"),
+        ("raw12", 6, "raw12", "`stride=330`, which shows the tile Sony"),
+        ("u16", 0, "u16be", "`pixel_format=u16`, which shows the tile Sony"),
     ],
 )
 def test_another_packing_or_stride_is_named_and_fails(tmp_path: Path, sent: str, padding: int, described: str, words: str) -> None:

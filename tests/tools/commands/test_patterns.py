@@ -56,7 +56,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     assert np.corrcoef(light.ravel() ** (1 / 2.4), grey[..., 1].ravel())[0, 1] > 0.99
     for options in (["-f", "jpg"], ["-f", "png"], ["-f", "tif"], ["-f", "exr"]):
         refused = run("render", shot, "-o", out, *options)
-        assert_refused(refused, "no colour matrix for the channels VRGNU", "--space camera, as tif, exr or npy", name=str(shot))
+        assert_refused(refused, "no colour matrix for the channels VRGNU", '`space="camera"`, as tif, exr or npy', name=str(shot))
     assert_refused(run("render", shot, "-o", tmp_path, "-f", "dng"), "has VRGNU; use tif, exr or npy", name=str(shot))
     for written in ("npy", "exr", "tif"):
         assert run("render", shot, "-o", out, *MEASURED, "-f", written, "--json", code=0).records[0]["learned"] is None
