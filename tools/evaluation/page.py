@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import cycle
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,9 @@ from .verdict import judge
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# matplotlib's ten colours; a further method has the first one again.
+_FIRST = "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd"
+_COLOURS = (*_FIRST, "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 _TEMPLATE = Path(__file__).with_name("evaluation.html")
 
 
@@ -48,8 +52,6 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
 
 def _group(figures: Figures, name: str) -> dict[str, Any]:
     """Variables of the template for a set of scenes."""
-    from matplotlib.colors import to_hex
-
     plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
     return {
         "name": f"{name[:1].upper()}{name[1:]}",
@@ -57,7 +59,7 @@ def _group(figures: Figures, name: str) -> dict[str, Any]:
         "verdict": judge(figures, name),
         "table": method_table(figures, name),
         "plots": list(zip(TITLES, plots, strict=True)),
-        "colours": [(each, to_hex(f"C{number}")) for number, each in enumerate(figures.study.methods)],
+        "colours": list(zip(figures.study.methods, cycle(_COLOURS))),
     }
 
 
@@ -65,11 +67,11 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals dashed."""
     study, levels = figures.study, figures.study.levels
     places = levels[0].places(levels)
-    for number, name in enumerate(study.methods):
+    for name, colour in zip(study.methods, cycle(_COLOURS)):
         found = [figures.of(Place(group, level), name) for level in levels]
         medians = [figure.values[f"{PLANES[plane]}_q50"] if figure else nan for figure in found]
         style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
-        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=f"C{number}")
+        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
     axes.set_xticks(places, [level.tick for level in levels])
     axes.set_xlabel(levels[0].axis)

@@ -12,6 +12,8 @@ import numpy as np
 
 from shared.arrays import ByteArray
 
+from .font_folder import temporary_font_folder
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -92,6 +94,7 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
     width, height
         Inches; an inch is 72 CSS pixels where the page does not scale the plot.
     """
+    temporary_font_folder()
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -110,7 +110,7 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
     light = ("--light", "0.25", "--workers", "1", "--no-page", "--json")
-    options = ("--methods", "planes", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
+    options = ("--methods", "paper", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
     outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6", code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
@@ -119,6 +119,6 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     assert list(document["protocol"]["patterns"]) == ["K=6", "mine", "Kodak"]
     assert document["protocol"]["pattern"] == "K=6"
     found = {(each["method"], each["pattern"], each["period"]) for each in document["figures"]}
-    assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
+    assert found == {("paper", "K=6", 6), ("paper", "mine", None), ("paper", "Kodak", None), ("bilinear", None, None)}
     alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
     assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
