@@ -1,13 +1,12 @@
 """Measure shading: python -m tests.benchmarks.shading SCENE... [--sigma 0 0.01]
 
-Each scene is photographed through a lens that darkens the corners by two stops, and differently in each colour. Of its four corners, each a
-fifth of the frame high and wide: the median PSNR of all 10 x 10 patches (RGB, luminance, chrominance; dB) and the mean colour
-difference (CIEDE2000, balanced and exposed for the scene), each with
+Each scene is photographed through a lens that darkens the corners by two stops, and differently in each colour. Of its four
+corners, each a fifth of the frame high and wide: the median PSNR of all 10 x 10 patches (RGB, luminance, chrominance; dB) and the
+mean colour difference (CIEDE2000, balanced and exposed for the scene), each with
 
     no lens         the same without shading, with as much noise everywhere
     no lens, noisy  the same without shading, with noise that is multiplied by the gain
     undone          with the shading, which the shot knows
-    measured        with the shading as flat frames showed it
     unknown         with the shading, of which the shot says nothing; light that is evened out afterwards
 """
 
@@ -23,18 +22,16 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from tests.benchmarks.harness import PATTERN, SEED, options, photographed
 from tests.tools.calibration.known_camera import stating
-from tools.calibration.shading import measure_shading
 from tools.evaluation.metrics import patch_psnr
 from tools.io.colour import xyz_to_lab
 from tools.io.colour_difference import delta_e_2000
 from tools.simulation.lens import lens_shading
 from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive, simulate_sensor
+from tools.simulation.sensor import simulate_additive
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out
 LENS = 2.0, 0.15  # stops, and part of them that differs between colours, as `lens_shading` takes them
-FLATS, LIGHT = 8, 0.6
 
 
 def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
@@ -47,14 +44,6 @@ def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
         gain[*lattice] = shading.of_plane(clean.shape, channel, *lattice)
     noise = np.random.default_rng(SEED).normal(0, sigma, clean.shape).astype(np.float32)
     return Mosaic(Mosaic(clean.samples + noise * gain, PATTERN, stated).codes, PATTERN, stated)
-
-
-def from_flats(shading: Shading, shape: tuple[int, int]) -> Shading:
-    """The shading as a sensor with typical noise shows it in flat frames."""
-    sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
-    even, random = np.ones((*shape, 3), np.float32), np.random.default_rng(SEED)
-    frames = [simulate_sensor(even, PATTERN, sensor, LIGHT, random) for _ in range(FLATS)]
-    return measure_shading([(f"flat{number}", stating(frame, shading=None)) for number, frame in enumerate(frames)]).shading
 
 
 def cornered(plane: FloatArray) -> Iterator[FloatArray]:
@@ -89,7 +78,6 @@ def pictures(rgb: FloatArray, sigma: float) -> Iterator[tuple[str, FloatArray]]:
     if sigma:
         yield "no lens, noisy", render(noisy(rgb, sigma, shading)).rgb
     yield "undone", render(shot).rgb
-    yield "measured", render(stating(shot, shading=from_flats(shading, shape))).rgb
     yield "unknown", render(stating(shot, shading=None)).rgb * shading.of_plane(shape)[..., None]
 
 
