@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle
-from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tools.io.page import embed_picture, embed_plot, render_page
 
 from .crops import AHEAD, BEHIND, Exhibit, Psnr
-from .figures import Figures, Place
-from .measures import PLANES, TITLES
+from .figures import CRITERIA, Figures, Place
+from .measures import TITLES
 from .metrics import BORDER, PSNR_PATCH
 from .scene_sets import CROP
 from .tables import describe, method_table
@@ -69,7 +68,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     places = levels[0].places(levels)
     for name, colour in zip(study.methods, cycle(_COLOURS)):
         found = [figures.of(Place(group, level), name) for level in levels]
-        medians = [figure.values[f"{PLANES[plane]}_q50"] if figure else nan for figure in found]
+        medians = [CRITERIA[plane].score(figure) for figure in found]
         style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _SHARED = Path(__file__).with_name("pages")  # page.html, which others extend, and parts.html, whose macros they import
 _WIDEST = 1200  # pixels of a photograph on a page
-_PLOTS = {
+_PLOTS: dict[Any, Any] = {
     "text.parse_math": False,  # a "$" in a name is a "$"
     "svg.fonttype": "none",  # texts stay texts
     "svg.hashsalt": "panchroma",  # the same figures make the same bytes
