@@ -92,7 +92,8 @@ class Study:
     @property
     def ours(self) -> str | None:
         """The method that represents us: the best renderer in the study."""
-        return next((name for name in ("best", "unlearned", "paper", "preview") if name in self.methods), None)
+        ranked = ("best", "unlearned", "paper", "preview")
+        return next((name for name in ranked if name in self.methods), None)
 
     @property
     def rivals(self) -> list[str]:
@@ -121,7 +122,8 @@ class Study:
 
     def remarks(self) -> list[str]:
         """What the user should know about filters that are made from others."""
-        return [f"{tile.name}: {note}" for tile in self.tiles for note in filters_of(tile.pattern).notes]
+        notes = {tile: filters_of(tile.pattern).notes for tile in self.tiles}
+        return [f"{tile.name}: {note}" for tile in notes for note in notes[tile]]
 
 
 def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
@@ -136,8 +138,8 @@ def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | No
         "channels": RGB,
         "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(parts | method.identity, sort_keys=True)
-    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz")
+    text = json.dumps(parts | method.identity, sort_keys=True).encode()
+    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
 
 
 def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Cell], int]:
@@ -172,8 +174,9 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     try:
         method, truth = _checked(study, cell)
         place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
-        picture = method.render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), study.seed, study.reading))
-        measures = Measures.of(picture, truth)
+        tile = cell.tile or study.tile
+        cameras = _cameras(cell.scene, cell.level, tile, study.seed, study.reading)
+        measures = Measures.of(method.render(cameras), truth)
     except PanchromaError as error:
         return [f"{place}{error}"]
     except MemoryError:
@@ -182,14 +185,16 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     try:
         path.parent.mkdir(exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{path.parent}: the folder cannot be made ({error.strerror or error})") from None
+        reason = f"the folder cannot be made ({error.strerror or error})"
+        raise OutputError(f"{path.parent}: {reason}") from None
     write_durably(path, measures.encode(), overwrite=True)
     return []
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
     """All results that are there, in the order of the report. Raises InputError where there is none."""
-    found = {cell: measures for cell in study.cells() if (measures := _kept(folder, cell)) is not None}
+    kept = {cell: _kept(folder, cell) for cell in study.cells()}
+    found = {cell: measures for cell, measures in kept.items() if measures is not None}
     if not found:
         raise InputError("nothing could be measured; the lines above say why")
     return found
@@ -212,7 +217,8 @@ def _checked(study: Study, cell: Cell) -> tuple[Method, FloatArray]:
     method = study.method(cell.method)
     if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
         packages = ", ".join(("Panchroma", *method.packages))
-        raise InputError(f"{cell.method}: the process that measures has other versions of {packages}; install the same ones")
+        reason = f"the process that measures has other versions of {packages}"
+        raise InputError(f"{cell.method}: {reason}; install the same ones")
     return method, study.reading.scene(cell.scene).rgb
 
 

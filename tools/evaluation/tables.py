@@ -44,7 +44,8 @@ def method_table(figures: Figures, group: str) -> Table:
         scores = np.array([[each.score(figure) for each in CRITERIA] for figure in found])
         table.rows.append([level.text])
         table.best.append([])
-        for figure, best in zip(found, scores == np.fmax.reduce(scores, initial=np.nan), strict=True):
+        highest = scores == np.fmax.reduce(scores, initial=np.nan)
+        for figure, best in zip(found, highest, strict=True):
             pattern = f", {figure.tile.name}" if figure.tile and len(study.tiles) > 1 else ""
             title = study.method(figure.method).title + pattern
             table.rows.append([title, *(each.text(figure) for each in CRITERIA)])
@@ -57,7 +58,8 @@ def plain_text(figures: Figures) -> str:
     lines = [describe(figures)]
     for group in figures.groups:
         table = method_table(figures, group)
-        first, *others = (max(map(len, column)) for column in zip_longest(table.head, *table.rows, fillvalue=""))
+        columns = zip_longest(table.head, *table.rows, fillvalue="")
+        first, *others = (max(map(len, column)) for column in columns)
         lines += ["", f"{group} ({len(figures.scenes(group))})"]
         for title, *texts in (table.head, *table.rows):
             cells = (f"  {text:>{width}}" for text, width in zip(texts, others, strict=False))
@@ -117,8 +119,13 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
 
     left_out: remarks on files that were not measured, or once for several.
     """
-    study, methods = figures.study, {name: figures.study.method(name) for name in figures.study.methods}
-    patterns = {each.name: {"tile": "/".join(each.pattern.tile), "period": each.period} | _facts(each) for each in study.tiles}
+    study, methods, patterns = figures.study, {}, {}
+    for name in study.methods:
+        method = study.method(name)
+        methods[name] = {"title": method.title, "ours": method.ours, "bayer": not method.ours}
+    for tile in study.tiles:
+        letters = "/".join(tile.pattern.tile)
+        patterns[tile.name] = {"tile": letters, "period": tile.period} | _facts(tile)
     protocol = {
         "kind": study.protocol.name,
         "seed": study.seed,
@@ -137,7 +144,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
         "program": program,
         "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
-        "methods": {name: {"title": each.title, "ours": each.ours, "bayer": not each.ours} for name, each in methods.items()},
+        "methods": methods,
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
