@@ -124,7 +124,7 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
     transform = ColourTransform.to_space(colours)
     truth = scene.rgb[crop.part]
-    stops = _stops(scene.rgb, truth / np.asarray(transform.white, np.float32))
+    stops = _stops(scene.rgb, (truth / np.array(transform.white)).astype(np.float32))
 
     def displayed(rgb: FloatArray) -> ByteArray:
         # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
