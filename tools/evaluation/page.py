@@ -26,12 +26,18 @@ _TEMPLATE = Path(__file__).with_name("evaluation.html")
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
-    """Return the content of the page's file.
+    """Return the content of the page's file, UTF-8.
 
-    figures: all results.
-    exhibits: as `render_crops` makes them.
-    program: name and version.
-    failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
+    Parameters
+    ----------
+    figures
+        All results.
+    exhibits
+        Crops as `render_crops` makes them.
+    program
+        Name and version.
+    failures
+        A line for each scene or result that is missing, and for each folder of which a part is left out.
     """
     study = figures.study
     groups = [_group(figures, name) for name in figures.groups]
@@ -50,7 +56,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
 
 
 def _group(figures: Figures, name: str) -> dict[str, Any]:
-    """Variables of the template for a set of scenes."""
+    """Return the template's variables for a set of scenes."""
     plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
     return {
         "name": f"{name[:1].upper()}{name[1:]}",
@@ -78,13 +84,13 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
 
 
 def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
-    """The exhibit there for a reason in which ours and the best rival differ most."""
+    """Return the exhibit of a reason in which ours and the best rival differ most, if there is one."""
     found = [each for each in exhibits if each.crop.why == why]
     return sorted(found, key=lambda each: -abs(each.pictures[1].psnr[0] - each.pictures[2].psnr[0]))[:1]
 
 
 def _shown(exhibit: Exhibit) -> dict[str, Any]:
-    """Variables of the template for an exhibit."""
+    """Return the template's variables for an exhibit."""
     crop, (_, *made) = exhibit.crop, exhibit.pictures
     where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
     if exhibit.stops:
@@ -98,7 +104,7 @@ def _shown(exhibit: Exhibit) -> dict[str, Any]:
 
 
 def _look(ours: Psnr, rival: Psnr) -> str:
-    """What to look at: the plane in which the better picture saves most of the other's mean squared error."""
+    """Return what to look at: the plane in which the better picture saves most of the other's mean squared error."""
     better, worse = max(ours, rival), min(ours, rival)
     saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in zip(better, worse, strict=True)]
     luminance, chrominance = ours[1] - rival[1], ours[2] - rival[2]
