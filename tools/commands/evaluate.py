@@ -154,7 +154,7 @@ def _measure(arguments: argparse.Namespace, team: "Team", study: "Study", folder
     if not (uses_scheduler(arguments) and todo):
         return team.measure(study, folder, todo)
     with connected(arguments.scheduler, arguments.scheduler_file) as client:
-        return replace(team, client=client).measure(study, folder.absolute(), todo)
+        return replace(team, client=client).measure(study, folder, todo)
 
 
 def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:
