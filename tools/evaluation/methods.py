@@ -77,12 +77,15 @@ def choose(names: list[str]) -> list[Method]:
     return list(chosen.values())
 
 
-@cache
 def find_method(name: str, networks: Networks = ()) -> Method:
-    """Return a method by its name, in any process. Raises InputError for a network whose file has changed or is gone."""
+    """Return a method by its name, in any process. Raises InputError as `find_network` does."""
     file = dict(networks).get(name)
-    if file is None:
-        return methods()[name]
+    return find_network(name, file) if file else methods()[name]
+
+
+@cache
+def find_network(name: str, file: str) -> Method:
+    """Return a network by its name and file. Raises InputError if the file has changed or is gone."""
     method = network(file)
     if method.name != name:
         raise InputError(f"{file}: {CHANGED}")
