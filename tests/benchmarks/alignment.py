@@ -2,9 +2,9 @@
 
 For each scene and noise, of a simulated burst (motion up to 3 pixels and 0.3 degrees): the median over the pixels of a frame of the
 distance between the true and the found place, its median and its worst over the frames, what alignment itself estimates, and the
-processor's time for a frame. Also: with a thing that moves through the scene; with exposures two stops apart (a real sensor's noise
-and clipping instead of sigma); with parallax, the left half shifted by one pixel more than the right. --reduce: pixels of the
-scene, each way, that are one of the sensor.
+processor's time for a frame. Also: with exposures two stops apart (a real sensor's noise and clipping instead of sigma); with
+parallax, the left half shifted by one pixel more than the right. --reduce: pixels of the scene, each way, that are one of the
+sensor.
 
 Without scenes: the test photographs (PANCHROMA_TEST_DATA).
 """
@@ -95,15 +95,13 @@ def cases(rgb: FloatArray, count: int, pixel: int, sigmas: list[float]) -> Itera
     """The figures of a scene, by what they are of."""
     plain = SimulatedBurst(count, PIXELS, DEGREES)
     bracket = (0.0, *((-STOPS, STOPS) * count)[: count - 1])
-    still, moving, exposures = (
-        list(burst_frames(rgb, burst, np.random.default_rng(1), pixel))
-        for burst in (plain, replace(plain, moving=True), replace(plain, stops=bracket))
+    still, exposures = (
+        list(burst_frames(rgb, burst, np.random.default_rng(1), pixel)) for burst in (plain, replace(plain, stops=bracket))
     )
     local = np.zeros((2, SMOOTH + 1, 2), np.float32)
     local[:, :, 1] = 0.5 * np.tanh((SMOOTH / 2 - np.arange(SMOOTH + 1)) / 2)
     for sigma in sigmas:
         yield f"sigma {sigma:g}", measured(still, sigma)
-        yield f"sigma {sigma:g}, moving thing", measured(moving, sigma)
         yield f"sigma {sigma:g}, parallax", measured(with_parallax(still, local), sigma, local)
     yield f"exposures {STOPS:g} stops apart", measured(exposures, None)
 

@@ -1,24 +1,20 @@
-"""Measure bursts: python -m tests.benchmarks.burst [--sigma 0 0.01 0.03] [--frames 8] [--scenes SCENE...] [--rivals DIR]
-[--pattern LETTERS]
+"""Measure bursts: python -m tests.benchmarks.burst [SCENE...] [--sigma 0 0.01 0.03] [--frames 8]
 
 Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the first, which is the reference and
 the truth. For each noise: PSNR (dB) of RGB, luminance and chrominance, each as median and 10 % quantile of all 10 x 10 patches and
-of the whole picture; mean over the scenes, and the worst scene of the differences. The rows:
+of the whole picture, mean over the scenes. The rows:
 
 best             `best` of the reference alone
-unlearned        the same without its network
 burst            all frames, aligned and merged
 pixel shift      nine frames 2 pixels apart, whose motion is known
 bayer            the best Bayer rival of one frame: DLMMSE, with noise BM3D before it
 bayer burst      the same frames through a Bayer sensor, merged by the same alignment (tests/benchmarks/bayer_burst.py)
 
-Also how far the motion that was found is from the true one (median of all pixels of all frames), how many frames were used, and the
-time of a burst, compared with that of one render on the same machine. The scenes are those test photographs (PANCHROMA_TEST_DATA)
-that have at least 300 pixels a side when reduced. The rivals need the package `bm3d`, and minutes: --rivals DIR keeps their
-figures, --without-rivals leaves them out.
+Also how far the motion that was found is from the true one (median of all pixels of all frames), which frames were left out, and
+the time of a burst, compared with that of one render on the same machine. Without scenes: those test photographs
+(PANCHROMA_TEST_DATA) that have at least 300 pixels a side when reduced. The rivals need the package `bm3d`, and minutes.
 """
 
-import json
 import time
 import zlib
 from collections import defaultdict
@@ -28,9 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import BEST, PRESETS, render
+from offline import BEST, render
 from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
@@ -49,7 +45,7 @@ REDUCED, LEAST = 2, 300
 STEPS = list(product((0, -2, 2), repeat=2))  # of pixel shift, down and right, pixels, the reference first
 MEASURES = "median", "10 %", "whole"
 PLANES = "RGB", "luminance", "chrominance"
-DIFFERENCES = ("burst", "best"), ("burst", "unlearned"), ("pixel shift", "unlearned"), ("burst", "bayer burst")
+DIFFERENCES = ("burst", "best"), ("burst", "bayer burst")
 
 
 @dataclass(frozen=True)
@@ -110,10 +106,10 @@ def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
     return np.array([(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)])
 
 
-def shots(light: list[FloatArray], sigma: float, pattern: CfaPattern = PATTERN) -> list[Mosaic]:
+def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
     """The frames through the sparse-colour sensor."""
     camera = SensorCalibration()
-    return [simulate_additive(each, pattern, camera, sigma, np.random.default_rng([0, n])) for n, each in enumerate(light)]
+    return [simulate_additive(each, PATTERN, camera, sigma, np.random.default_rng([0, n])) for n, each in enumerate(light)]
 
 
 def merged_picture(frames: list[Mosaic], motions: list[Motion] | None = None) -> tuple[FloatArray, MergedBurst]:
@@ -122,11 +118,9 @@ def merged_picture(frames: list[Mosaic], motions: list[Motion] | None = None) ->
     return np.concatenate(list(render_burst_bands(merged, BEST))), merged
 
 
-def measure(series: Series, sigma: float, found: Found, pattern: CfaPattern = PATTERN) -> None:
+def measure(series: Series, sigma: float, found: Found) -> None:
     """Add the figures of our rows."""
-    truth, frames = series.light[0], shots(series.light, sigma, pattern)
-
-    found.add("unlearned", render(frames[0], PRESETS["unlearned"]).rgb, truth)
+    truth, frames = series.light[0], shots(series.light, sigma)
     started = time.perf_counter()
     found.add("best", render(frames[0], BEST).rgb, truth)
     rendered = time.perf_counter()
@@ -134,28 +128,18 @@ def measure(series: Series, sigma: float, found: Found, pattern: CfaPattern = PA
     found.ratios.append((time.perf_counter() - rendered) / (rendered - started))
     found.add("burst", picture, truth)
     steps = [Motion((float(down), float(across))) for down, across in STEPS]
-    found.add("pixel shift", merged_picture(shots(series.shifted, sigma, pattern), steps)[0], truth)
+    found.add("pixel shift", merged_picture(shots(series.shifted, sigma), steps)[0], truth)
     found.left_out += [f"{series.name}, frame {n + 1}: {frame.reason}" for n, frame in enumerate(merged.frames) if not frame.used]
     found.errors.append(alignment_error([frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape))
 
 
-def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | None) -> None:
-    """Add the figures of the rivals, from the folder if it has them."""
-    place = folder / f"{series.name}-{len(series.light)}-{sigma:g}.json" if folder else None
-    if place and place.exists():
-        figures = json.loads(place.read_text())
-    else:
-        mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n])) for n, light in enumerate(series.light)]
-        single = methods()["bm3d+dlmmse-wb" if sigma else "dlmmse-wb"].render(
-            CameraPair(PaperProtocol(sigma), 0, series.light[0], PATTERN, series.neutral)
-        )
-        pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral)}
-        figures = {row: measured(picture, series.light[0]).tolist() for row, picture in pictures.items()}
-        if place:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_text(json.dumps(figures))
-    for row, values in figures.items():
-        found.figures[row].append(np.array(values))
+def measure_rivals(series: Series, sigma: float, found: Found) -> None:
+    """Add the figures of the rivals."""
+    truth, name = series.light[0], "bm3d+dlmmse-wb" if sigma else "dlmmse-wb"
+    cameras = CameraPair(PaperProtocol(sigma), 0, truth, PATTERN, series.neutral)
+    found.add("bayer", methods()[name].render(cameras), truth)
+    mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n])) for n, light in enumerate(series.light)]
+    found.add("bayer burst", render_bayer_burst(mosaics, sigma, series.neutral), truth)
 
 
 def report(found: Found, sigma: float, names: list[str], count: int) -> None:
@@ -163,22 +147,16 @@ def report(found: Found, sigma: float, names: list[str], count: int) -> None:
     print(f"\nsigma {sigma:g}, {count} frames, {len(names)} scenes, dB")
     print(" " * 40 + "".join(f"{plane:>27}" for plane in PLANES))
     print(" " * 40 + "".join(f"   {''.join(f'{name:>8}' for name in MEASURES)}" for _ in PLANES))
-    for row in ("best", "unlearned", "burst", "pixel shift", "bayer", "bayer burst"):
-        if row in found.figures:
-            line(row, np.mean(found.figures[row], axis=0))
+    for row, figures in found.figures.items():
+        line(row, np.mean(figures, axis=0))
     for ours, theirs in DIFFERENCES:
         if theirs in found.figures:
             margins = np.subtract(found.figures[ours], found.figures[theirs])
-            line(f"{ours} - {theirs}", margins.mean(axis=0), "+")
-            line("  worst scene", margins.min(axis=0), "+")
-    for theirs in ("best", "bayer burst"):
-        for name, burst, other in zip(names, found.figures["burst"], found.figures.get(theirs, []), strict=False):
-            line(f"  {name}: burst - {theirs}", burst - other, "+")
-    errors, ratios = np.array(found.errors), np.array(found.ratios)
+            for name, margin in zip(names, margins, strict=True):
+                line(f"  {name}: {ours} - {theirs}", margin, "+")
+    errors = np.array(found.errors)
     print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
-    print(f"time: {np.median(ratios):.1f} x one render (scenes: {', '.join(f'{ratio:.1f}' for ratio in ratios)})")
-    for each in found.left_out:
-        print(f"left out: {each}")
+    print(f"time: {np.median(found.ratios):.1f} x one render", *(f"\nleft out: {each}" for each in found.left_out))
 
 
 def line(title: str, values: DoubleArray, sign: str = "") -> None:
@@ -188,24 +166,18 @@ def line(title: str, values: DoubleArray, sign: str = "") -> None:
 
 def main() -> None:
     """Print a table for each noise."""
-    named = {"nargs": "+", "metavar": "SCENE", "help": "default: the test photographs"}
-    folder = {"type": Path, "metavar": "DIR", "help": "folder that keeps the figures of the rivals"}
-    letters = {"type": CfaPattern.of_letters, "default": PATTERN, "metavar": "LETTERS", "help": "of red, green and blue"}
-    without = {"action": "store_true"}
-    arguments = options(
-        __doc__, sigma=[0.0, 0.01, 0.03], frames=8, scenes=named, rivals=folder, without_rivals=without, pattern=letters
-    )
-    scenes = [series for source in arguments.scenes or photographs() if (series := Series.of(Path(source), arguments.frames))]
+    given = options(__doc__, "*", sigma=[0.0, 0.01, 0.03], frames=8)
+    scenes = [series for source in given.scenes or photographs() if (series := Series.of(Path(source), given.frames))]
     if not scenes:
-        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some: --scenes")
-    merged_picture(shots(scenes[0].light[:2], 0.01, arguments.pattern))  # what is compiled now is not timed
-    for sigma in arguments.sigma:
+        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some")
+    merged_picture(shots(scenes[0].light[:2], 0.01))  # what is compiled now is not timed
+    for sigma in given.sigma:
         found = Found()
         for series in scenes:
-            measure(series, sigma, found, arguments.pattern)
-            if not arguments.without_rivals and package_version("bm3d"):
-                measure_rivals(series, sigma, found, arguments.rivals)
-        report(found, sigma, [series.name for series in scenes], arguments.frames)
+            measure(series, sigma, found)
+            if package_version("bm3d"):
+                measure_rivals(series, sigma, found)
+        report(found, sigma, [series.name for series in scenes], given.frames)
 
 
 if __name__ == "__main__":

@@ -1,30 +1,26 @@
-"""What the benchmarks share: options, scenes, shots, the frame on which speed is measured, rounds, and the tables of lens faults.
+"""What the benchmarks share: options, scenes, shots, the frame on which speed is measured, rounds.
 
 It does not load the renderer, whose libraries read the number of threads when they are loaded.
 """
 
 import argparse
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from tools.evaluation.rivals.integers import Levels
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.bayer import bayer_mosaic
 from tests.data import DATA
+from tools.evaluation.rivals.libraw import encode_codes
 from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.load import load_scene
 from tools.simulation.sensor import simulate_additive
-
-if TYPE_CHECKING:
-    from offline import RenderSettings
 
 PATTERN = CfaPattern.bayer(6)
 SEED = 3
@@ -32,10 +28,6 @@ Sample = TypeVar("Sample", bound=np.generic)
 _SIGMA, _BITS = 0.01, 12
 _STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
 _PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
-Corners = tuple[float, float]
-"""The two figures of a lens, as `lens_shading` takes them."""
-Pictures = Callable[[Mapping[str, FloatArray], float, Corners, "RenderSettings"], Iterator[tuple[str, str, FloatArray]]]
-"""Of scenes (H, W, 3) by their source, a sigma, a lens and settings: source, name of what is compared, and its picture."""
 Work = Callable[[], object]
 
 
@@ -104,7 +96,7 @@ class Frame:
     @cached_property
     def bayer_codes(self) -> NDArray[np.uint16]:
         """The samples `bayer` as 16-bit codes."""
-        return Levels.around(self.bayer).encode(self.bayer)
+        return encode_codes(self.bayer)[0]
 
     @cached_property
     def _rgb(self) -> FloatArray:
@@ -137,36 +129,3 @@ def alternate(works: Mapping[str, Work], rounds: int, clock: Callable[[], float]
                 found[name].append(seconds)
         order.reverse()
     return found
-
-
-def compare(text: str | None, title: str, lens: Corners, pictures: Pictures, figures: Callable[..., list[float]]) -> None:
-    """Read the command line, and print a table for each noise: figures of each scene, their means, and what comes back.
-
-    text: of the help.
-    title: names of the figures.
-    lens: the usual one.
-    pictures: what is compared; "no lens" and "unknown" are the best and the worst that can be expected.
-    figures: of a picture and the truth, both (H, W, 3).
-    """
-    from offline import PRESETS
-
-    two, presets = {"nargs": 2, "type": float, "default": lens}, {"choices": ("best", "paper"), "default": "best"}
-    given = options(text, "+", sigma=[0.0, 0.01], lens=two, preset=presets)
-    scenes = {source: load_scene(source).rgb for source in given.scenes}
-    for sigma in given.sigma:
-        print(f"sigma {sigma:g}: {title}")
-        rows: dict[str, list[list[float]]] = {}
-        for source, name, picture in pictures(scenes, sigma, given.lens, PRESETS[given.preset]):
-            rows.setdefault(name, []).append(figures(picture, scenes[source]))
-            print_line(f"{Path(source).name}, {name}", rows[name][-1])
-        means = {name: np.mean(found, axis=0) for name, found in rows.items()}
-        for name, mean in means.items():
-            print_line(f"mean of {len(scenes)} scenes, {name}", mean)
-            if name not in ("no lens", "unknown"):
-                back = (mean - means["unknown"]) / (means["no lens"] - means["unknown"])
-                print_line("    comes back, %", 100 * back)
-
-
-def print_line(name: str, row: Iterable[float]) -> None:
-    """Print figures as a row of a table."""
-    print(f"  {name:40}" + "".join(f"{figure:8.2f}" for figure in row), flush=True)

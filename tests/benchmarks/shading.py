@@ -1,36 +1,37 @@
-"""Measure shading: python -m tests.benchmarks.shading SCENE... [--sigma 0 0.01] [--lens 2,15] [--preset best]
+"""Measure shading: python -m tests.benchmarks.shading SCENE... [--sigma 0 0.01]
 
-Each scene is photographed through a lens that darkens the corners, and differently in each colour. Of its four corners, each a
-fifth of the frame high and wide: the median PSNR of all 10 x 10 patches (RGB, luminance, chrominance; dB) and the mean colour
-difference (CIEDE2000, balanced and exposed for the scene), each with
+Each scene is photographed through a lens that darkens the corners by two stops, and differently in each colour. Of its four
+corners, each a fifth of the frame high and wide: the median PSNR of all 10 x 10 patches (RGB, luminance, chrominance; dB) and the
+mean colour difference (CIEDE2000, balanced and exposed for the scene), each with
 
     no lens         the same without shading, with as much noise everywhere
     no lens, noisy  the same without shading, with noise that is multiplied by the gain
     undone          with the shading, which the shot knows
-    measured        with the shading as flat frames showed it
     unknown         with the shading, of which the shot says nothing; light that is evened out afterwards
 """
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 
-from offline import RenderSettings, render
+from offline import render
 from shared import Mosaic, SensorCalibration, Shading
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
-from tests.benchmarks.harness import PATTERN, SEED, Corners, compare, photographed
+from tests.benchmarks.harness import PATTERN, SEED, options, photographed
 from tests.tools.calibration.known_camera import stating
-from tools.calibration.shading import measure_shading
 from tools.evaluation.metrics import patch_psnr
 from tools.io.colour import xyz_to_lab
 from tools.io.colour_difference import delta_e_2000
 from tools.simulation.lens import lens_shading
-from tools.simulation.sensor import simulate_additive, simulate_sensor
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out
-FLATS, LIGHT = 8, 0.6
+LENS = 2.0, 0.15  # stops, and part of them that differs between colours, as `lens_shading` takes them
 
 
 def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
@@ -43,14 +44,6 @@ def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
         gain[*lattice] = shading.of_plane(clean.shape, channel, *lattice)
     noise = np.random.default_rng(SEED).normal(0, sigma, clean.shape).astype(np.float32)
     return Mosaic(Mosaic(clean.samples + noise * gain, PATTERN, stated).codes, PATTERN, stated)
-
-
-def from_flats(shading: Shading, shape: tuple[int, int]) -> Shading:
-    """The shading as a sensor with typical noise shows it in flat frames."""
-    sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
-    even, random = np.ones((*shape, 3), np.float32), np.random.default_rng(SEED)
-    frames = [simulate_sensor(even, PATTERN, sensor, LIGHT, random) for _ in range(FLATS)]
-    return measure_shading([(f"flat{number}", stating(frame, shading=None)) for number, frame in enumerate(frames)]).shading
 
 
 def cornered(plane: FloatArray) -> Iterator[FloatArray]:
@@ -76,21 +69,37 @@ def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     return [*(float(np.median(plane)) for plane in planes), float(np.concatenate(apart).mean())]
 
 
-def pictures(
-    scenes: Mapping[str, FloatArray], sigma: float, corners: Corners, settings: RenderSettings
-) -> Iterator[tuple[str, str, FloatArray]]:
-    """The pictures that are compared: source, name, picture."""
-    for source, rgb in scenes.items():
-        shape = rgb.shape[0], rgb.shape[1]
-        shading = lens_shading(*corners, len(PATTERN.planes), shape)
-        shot = photographed(rgb, sigma, shading=shading)
-        yield source, "no lens", render(photographed(rgb, sigma), settings).rgb
-        if sigma:
-            yield source, "no lens, noisy", render(noisy(rgb, sigma, shading), settings).rgb
-        yield source, "undone", render(shot, settings).rgb
-        yield source, "measured", render(stating(shot, shading=from_flats(shading, shape)), settings).rgb
-        yield source, "unknown", render(stating(shot, shading=None), settings).rgb * shading.of_plane(shape)[..., None]
+def pictures(rgb: FloatArray, sigma: float) -> Iterator[tuple[str, FloatArray]]:
+    """Name and picture of each row."""
+    shape = rgb.shape[0], rgb.shape[1]
+    shading = lens_shading(*LENS, len(PATTERN.planes), shape)
+    shot = photographed(rgb, sigma, shading=shading)
+    yield "no lens", render(photographed(rgb, sigma)).rgb
+    if sigma:
+        yield "no lens, noisy", render(noisy(rgb, sigma, shading)).rgb
+    yield "undone", render(shot).rgb
+    yield "unknown", render(stating(shot, shading=None)).rgb * shading.of_plane(shape)[..., None]
+
+
+def main() -> None:
+    """Print the rows of each scene, and their means, for each noise."""
+    given = options(__doc__, "+", sigma=[0.0, 0.01])
+    for sigma in given.sigma:
+        print(f"sigma {sigma:g}: RGB, luminance, chrominance (dB), dE2000")
+        rows = defaultdict[str, list[list[float]]](list)
+        for source in given.scenes:
+            rgb = load_scene(source).rgb
+            for name, picture in pictures(rgb, sigma):
+                rows[name].append(figures(picture, rgb))
+                line(f"{Path(source).name}, {name}", rows[name][-1])
+        for name, found in rows.items():
+            line(f"mean, {name}", np.mean(found, axis=0))
+
+
+def line(name: str, row: Iterable[float]) -> None:
+    """Print figures as a row of a table."""
+    print(f"  {name:40}" + "".join(f"{figure:8.2f}" for figure in row), flush=True)
 
 
 if __name__ == "__main__":
-    compare(__doc__, "RGB, luminance, chrominance (dB), dE2000", (2.0, 0.15), pictures, figures)
+    main()

@@ -1,10 +1,10 @@
-"""How fast is it, here? Time the renderer and its stages, the preview, the files, and rivals on a Bayer mosaic of the same size.
+"""How fast is it, here? Time the renderer and its stages, the preview, the files, and LibRaw on a Bayer mosaic of the same size.
 
     python -m tests.benchmarks.speed [--megapixels N ...] [--rounds 9] [--frames 100] [-j THREADS]
 
 Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of the program. Everything runs in
 turns, once per round, after a round that does not count; a ratio is the median of the rounds' ratios: load that slows a whole round
-down cancels. --frames: previews of 12 megapixels; -j: threads, of rivals too. With several sizes: how time and memory grow, from a
+down cancels. --frames: previews of 12 megapixels; -j: threads, of LibRaw too. With several sizes: how time and memory grow, from a
 DNG to a TIFF, each size in a process of its own.
 """
 
@@ -19,7 +19,6 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -39,7 +38,7 @@ _PRESETS = "paper", "best"
 
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
 _TOGETHER, _MOST_RUNS = 25.0, 7  # megapixels rendered for each size at least, so that small ones are not left to chance
-_PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy", "colour-demosaicing", "opencv-contrib-python-headless")
+_PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy")
 
 
 class StageClock(Progress):
@@ -72,23 +71,11 @@ class StageClock(Progress):
 
 
 def rivals(frame: Frame) -> dict[str, Work]:
-    """What is installed of them; bringing the frame into the form that they take is not timed."""
-    from tools.evaluation.rivals.integers import develop, edge_aware, encode_bayer_dng
-    from tools.evaluation.rivals.interpolation import demosaic_malvar, demosaic_menon
+    """LibRaw's; bringing the frame into the form that they take is not timed."""
+    from tools.evaluation.rivals.libraw import develop, encode_bayer_dng
 
-    works: dict[str, Work] = {}
-    if find_spec("colour_demosaicing"):
-        works |= {"colour-demosaicing, Menon 2007": partial(demosaic_menon, frame.bayer)}
-        works |= {"colour-demosaicing, Malvar 2004": partial(demosaic_malvar, frame.bayer)}
-    if find_spec("rawpy"):
-        dng = encode_bayer_dng(frame.bayer_codes)
-        works |= {f"LibRaw, {name}": partial(develop, dng, name) for name in ("AHD", "DCB", "AAHD", "PPG")}
-    if find_spec("cv2"):
-        import cv2
-
-        cv2.setNumThreads(int(os.environ["OMP_NUM_THREADS"]))
-        works["OpenCV, edge-aware"] = partial(edge_aware, frame.bayer_codes)
-    return works
+    dng = encode_bayer_dng(frame.bayer_codes)
+    return {f"LibRaw, {name}": partial(develop, dng, name) for name in ("PPG", "DCB")}
 
 
 def speeds(frame: Frame, rounds: int, folder: Path) -> None:

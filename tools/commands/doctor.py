@@ -25,7 +25,7 @@ from tools.batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_
 from tools.batch.console import Console
 from tools.batch.jobs import FAILED
 from tools.batch.memory import available_memory
-from tools.commands.font_folder import temporary_font_folder
+from tools.io.font_folder import temporary_font_folder
 from tools.io.versions import package_version, program_version
 
 from .options import add
@@ -120,11 +120,10 @@ def _program() -> Iterator[Finding]:
 _EXTRAS = {
     "": ("pip install -e .", "nothing works without it"),
     "offline": (ALL, "render, demo, evaluate, calibrate"),
-    "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, progress bars"),
-    "evaluation": (ALL, "evaluate: the rivals malvar and menon"),
+    "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars"),
     "rivals": ("pip install -e '.[rivals]'", "evaluate: the rivals with bm3d (non-commercial use only)"),
 }
-_MODULES = {"onnxruntime": "shared.runtime", "Pillow": "PIL", "colour-demosaicing": "colour_demosaicing"}
+_MODULES = {"onnxruntime": "shared.runtime", "Pillow": "PIL"}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
 
 
@@ -169,7 +168,7 @@ def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
     installed = {name: found for name in _OPENCV if (found := package_version(name))}
     if not installed:
-        yield Finding("OpenCV", MISSING, "not installed: evaluate (the rival ea)", ALL)
+        yield Finding("OpenCV", MISSING, "not installed: calibrate (finding a chart)", ALL)
         return
     said = " and ".join(f"{name} {found}" for name, found in installed.items())
     remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"

@@ -18,7 +18,6 @@ from tools.batch.cluster import SchedulerGoneError, absolute_path
 from tools.batch.console import Console
 from tools.batch.jobs import FAILED, output_folder, refuse_existing
 from tools.batch.memory import allowed_memory
-from tools.commands.font_folder import temporary_font_folder
 from tools.evaluation.figures import Figures
 from tools.evaluation.tables import plain_text
 from tools.io.versions import program_version
@@ -88,7 +87,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
         remove_results(study, folder)
-    temporary_font_folder()  # matplotlib draws the plots
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:

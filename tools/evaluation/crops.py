@@ -41,10 +41,18 @@ REASONS = {AHEAD: 1, BEHIND: 1, WORST: _WORST, WRONG_HUE: _WORST}
 class Crop:
     """A part of a scene at a noise level.
 
-    why: one of REASONS.
-    methods: shown, ours first.
-    row, column: of its first pixel.
-    height, width: pixels.
+    Parameters
+    ----------
+    scene, level
+        The scene and the noise.
+    why
+        Reason for which the crop is shown, one of REASONS.
+    methods
+        Names of the methods that are shown, ours first.
+    row, column
+        Place of its first pixel in the scene.
+    height, width
+        Its size, pixels.
     """
 
     scene: SceneInfo
@@ -72,9 +80,14 @@ class Crop:
 class Rendered:
     """One rendering of a crop.
 
-    title: of the method, or "truth".
-    pixels: sRGB, uint8 (h, w, 3).
-    psnr: of the crop in RGB, luminance and chrominance, dB.
+    Parameters
+    ----------
+    title
+        Title of the method, or "truth".
+    pixels
+        The picture for a screen: sRGB, uint8 (h, w, 3).
+    psnr
+        PSNR of the crop in RGB, luminance and chrominance, dB.
     """
 
     title: str
@@ -86,7 +99,14 @@ class Rendered:
 class Exhibit:
     """A crop with its pictures: the truth, ours, the best rival if there is one.
 
-    stops: brightening for display; negative ones darken.
+    Parameters
+    ----------
+    crop
+        The crop.
+    pictures
+        Its pictures, the truth first.
+    stops
+        Brightening for display; negative values darken.
     """
 
     crop: Crop
@@ -95,7 +115,7 @@ class Exhibit:
 
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
-    """Exhibits at the lowest and the highest level, rendered by the team; empty without a method of ours."""
+    """Return exhibits at the lowest and the highest noise level, rendered by the team; empty without a method of ours."""
     crops = list(choose_crops(figures))
     if not crops:
         return []
@@ -105,7 +125,7 @@ def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
 
 
 def choose_crops(figures: Figures) -> Iterator[Crop]:
-    """Crops by reason and level, each reason's from different scenes, none over another of its level."""
+    """Yield crops by noise level and reason: those of a reason are from different scenes, and none of a level overlap."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
@@ -118,13 +138,16 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
 def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     """Render a crop by its methods.
 
-    Raises InputError, naming the file, if a scene or a network is not what was measured.
+    Raises
+    ------
+    InputError
+        A scene or a network is not what was measured; the message names the file.
     """
     scene = study.reading.scene(crop.scene)
     colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
     transform = ColourTransform.to_space(colours)
     truth = scene.rgb[crop.part]
-    stops = _stops(scene.rgb, truth / np.array(transform.white, np.float32))
+    stops = _stops(scene.rgb, (truth / np.array(transform.white)).astype(np.float32))
 
     def displayed(rgb: FloatArray) -> ByteArray:
         # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
@@ -138,11 +161,19 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
 
 
 def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:
-    """The pictures of a crop, float32 (h, w, 3), scene units, by its methods: from the samples of the whole shots.
+    """Render a crop, and a halo around it, from the samples of the whole shots.
 
-    Only the crop and its surroundings are rendered.
+    Parameters
+    ----------
+    study, crop
+        The study and the crop.
+    truth
+        Light of the whole scene, float32 (H, W, 3), scene units.
 
-    truth: light of the whole scene, (H, W, 3), scene units.
+    Yields
+    ------
+    FloatArray
+        The crop's picture by each of its methods, float32 (h, w, 3), scene units.
     """
     step = lcm(2, study.tile.pattern.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
@@ -155,7 +186,7 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
 
 
 def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
-    """By reason how well each square of a scene shows it, without what was not measured."""
+    """Return by reason how well each square of a scene shows it; reasons that need missing results are left out."""
     study = figures.study
     here = [cell for cell in figures.results if (cell.scene, cell.level) == (scene, level)]
     found = {cell.method: figures.results[cell] for cell in here if cell.tile in (None, study.tile)}
@@ -175,7 +206,7 @@ def _rival(figures: Figures, scene: SceneInfo, level: Protocol) -> str | None:
 
 
 def _crop(figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores: dict[str, FloatArray]) -> Crop:
-    """The square of a scene with the highest score, which all that overlap it lose, whatever the reason."""
+    """Return the square with the highest score for a reason, and remove all that overlap it from all scores."""
     rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
     row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
     near = np.logical_and.outer(abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW)

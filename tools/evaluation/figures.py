@@ -20,12 +20,20 @@ EVEN = 0.05  # dB: smaller differences count as none
 class Criterion(NamedTuple):
     """One way to compare methods: medians state how most of a picture looks, the others how its worst places do.
 
-    name: in the verdict of the JSON file.
-    title: of a column.
-    figure: name of the value, see `Figure.values`.
-    sign: 1 where more is better, -1 where less is, 0 where 100 is best.
-    digits: decimals that people are shown.
-    scale: from the value to what people are shown.
+    Parameters
+    ----------
+    name
+        Name in the verdict of the JSON file.
+    title
+        Title of the column.
+    figure
+        Name of the value, see `Figure`.
+    sign
+        1 where more is better, -1 where less is, 0 where 100 is best.
+    digits
+        Decimals that people are shown.
+    scale
+        Factor from the value to what people are shown.
     """
 
     name: str
@@ -36,17 +44,17 @@ class Criterion(NamedTuple):
     scale: float = 1.0
 
     def of(self, figure: "Figure | None") -> float | None:
-        """What people are shown; None if there is none."""
+        """Return the number that people are shown; None if there is none."""
         value = None if figure is None else figure.values[self.figure]
         return None if value is None else self.scale * value
 
     def score(self, figure: "Figure | None") -> float:
-        """A number that is larger where the figure is better; NaN if there is none."""
+        """Return a number that is larger where the figure is better; NaN if there is none."""
         value = self.of(figure)
         return nan if value is None else self.sign * value if self.sign else -abs(value - 100)
 
     def text(self, figure: "Figure | None") -> str:
-        """A figure for people; a dash where there is none."""
+        """Return the figure as text; a dash where there is none."""
         value = self.of(figure)
         return "–" if value is None else f"{value:.{self.digits}f}"
 
@@ -69,7 +77,7 @@ CRITERIA = (
 
 
 class Place(NamedTuple):
-    """Where a figure is of: a set at a noise level, or one of its scenes. scene: its name; None for the whole set."""
+    """A set of scenes at a noise level, or one of its scenes by its name; None = the whole set."""
 
     group: str
     level: Protocol
@@ -79,12 +87,20 @@ class Place(NamedTuple):
 class Figure(NamedTuple):
     """Figures of one method on a scene, or on a set of scenes: a row of the results.
 
-    method: its name.
-    tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
-    scenes: number of scenes.
-    values: by name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
-        psnr_PLANE), dB; wrong_hue, the share of the pixels that show a wrong hue, 0 to 1; kept_1 to kept_5, the slopes of
-        `colour_kept` from dark to bright, None where there is no colour. What is of whole pictures is the mean over the scenes;
+    Parameters
+    ----------
+    place
+        The scene or set, and the noise.
+    method
+        Name of the method.
+    tile
+        Pattern of the sparse-colour camera; None for a Bayer camera's method.
+    scenes
+        Number of scenes.
+    values
+        By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
+        psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a wrong hue, 0 to 1; kept_1 to kept_5, the slopes of
+        `colour_kept` from dark to bright, None where there is no colour. Figures of whole pictures are means over the scenes;
         kept is of all their pixels.
     """
 
@@ -110,8 +126,12 @@ _Key = tuple[Place, str, Tile | None]  # and method, pattern
 class Figures:
     """All figures of a study, from the results that exist.
 
-    groups: the sets of which there are results.
-    rows: of the sets, where every scene of a set has a result, then of the scenes.
+    Attributes
+    ----------
+    groups
+        Names of the sets that have results.
+    rows
+        Figures of the sets, where every scene of a set has a result, then of the scenes.
     """
 
     def __init__(self, study: Study, results: Mapping[Cell, Measures]) -> None:
@@ -127,21 +147,21 @@ class Figures:
         self.rows = list(self._found.values())
 
     def scenes(self, group: str) -> list[str]:
-        """Names of the scenes of a set."""
+        """Return the names of the scenes of a set."""
         return [scene.name for scene in self.study.scenes if scene.group == group]
 
     def of(self, place: Place, method: str) -> Figure | None:
-        """The figures of a method, with the study's pattern; None if there are none."""
+        """Return the figures of a method, with the study's pattern; None if there are none."""
         return self._found.get((place, method, self.study.tile if self.study.method(method).ours else None))
 
     def best(self, place: Place, criterion: Criterion, names: Sequence[str]) -> str | None:
-        """The best of some methods by a criterion; None where none has a figure."""
+        """Return the best of some methods by a criterion; None where none has a figure."""
         scores = {name: criterion.score(self.of(place, name)) for name in names}
         known = [name for name in names if not isnan(scores[name])]
         return max(known, key=lambda name: scores[name], default=None)
 
     def lead(self, place: Place, criterion: Criterion = RGB) -> Lead | None:
-        """How much better ours is than the best rival; None if one of them has no such figure."""
+        """Return how much better ours is than the best rival; None if one of them has no such figure."""
         ours, rival = self.study.ours, self.best(place, criterion, self.study.rivals)
         if ours is None or rival is None or self.of(place, ours) is None:
             return None
@@ -149,7 +169,7 @@ class Figures:
         return Lead(place, criterion, rival, own - theirs)
 
     def leads(self, group: str, level: Protocol, criterion: Criterion = RGB) -> list[Lead]:
-        """The lead on each scene of a set; scenes without results are left out."""
+        """Return the lead on each scene of a set; scenes without results are left out."""
         places = (Place(group, level, scene) for scene in self.scenes(group))
         return [lead for place in places if (lead := self.lead(place, criterion))]
 

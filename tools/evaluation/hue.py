@@ -11,12 +11,14 @@ from tools.io.colour_difference import delta_e_2000
 from .metrics import BORDER
 
 WRONG = 10.0  # CIEDE2000: seen at a glance, side by side or not
-_BRIGHT, _BRIGHT_SHARE = 0.9, 0.99  # luminance that this quantile of the truth is shown with; 1 = white
+# Luminance, 1 = white, that this quantile of the truth is shown with.
+_BRIGHT, _BRIGHT_SHARE = 0.9, 0.99
 _DARKEST = 1e-6  # scene units: a channel without light needs no balance
-PLACES = {"darkest tenth": 0.1, "to a quarter": 0.25, "to a half": 0.5, "to three quarters": 0.75, "brightest": 1.0}
-"""The bins, and the quantile of the truth's luminance at which each ends."""
+PLACES = (0.1, 0.25, 0.5, 0.75, 1.0)
+"""The quantile of the truth's luminance at which each bin ends."""
 _BLUR = 8.0  # pixels: no fine detail is left, and hardly any noise
-_LEAST = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)  # scene units: three standard errors of such a mean at a sigma of 0.03
+# Scene units: three standard errors of such a mean at a sigma of 0.03.
+_LEAST = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)
 
 
 def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
@@ -51,7 +53,7 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     luminance = true.mean(axis=2)
     seen, true = seen - seen.mean(axis=2, keepdims=True), true - luminance[..., None]
     coloured = np.square(true).mean(axis=2) > _LEAST**2
-    place = np.searchsorted(np.quantile(luminance, list(PLACES.values())[:-1]), luminance[coloured])
+    place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance[coloured])
     products = ((first * true).sum(axis=2)[coloured] for first in (seen, true))
     return np.stack([np.bincount(place, each, len(PLACES)) for each in products])
 

@@ -51,7 +51,8 @@ class Histogram(NamedTuple):
         places = np.searchsorted(reached, wanted, side="right")
         before = reached[places] - self.counts[places]
         within = (wanted - before + 0.5) / self.counts[places]
-        lowest, low, middle, high = np.minimum(_LOWEST + (self.bins[places] + within) * _STEP, CAP).tolist()
+        decibels = _LOWEST + (self.bins[places] + within) * _STEP
+        lowest, low, middle, high = np.minimum(decibels, CAP).tolist()
         return lowest, low, middle, high
 
 
@@ -92,19 +93,18 @@ class Measures:
             wrong_share = float(wrong[inner].mean())
         whole = whole_psnr(rendered, truth, BORDER)
         patches = tuple(map(Histogram.of, maps))
-        squares = np.square(rendered.astype(np.float64) - truth).mean(axis=2), wrong.astype(np.float64)
-        figures = Quality.of(maps), whole, wrong_share, kept, patches
-        return cls(*figures, *map(_window_means, squares))
+        errors = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
+        squares = map(_window_means, (errors, wrong.astype(np.float64)))
+        return cls(Quality.of(maps), whole, wrong_share, kept, patches, *squares)
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
-        parts = {
-            f"{plane}_{of}": each for plane, part in zip(PLANES, self.patches, strict=True) for of, each in part._asdict().items()
-        }
-        whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
-        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays, **parts)
+        for plane, part in zip(PLANES, self.patches, strict=True):
+            arrays |= {f"{plane}_{name}": each for name, each in part._asdict().items()}
+        whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
+        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays)
         return buffer.getvalue()
 
     @classmethod
@@ -112,11 +112,13 @@ class Measures:
         """Inverse of `encode`. Raises InputError for anything else."""
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-                patches = tuple(Histogram(*(stored[f"{plane}_{of}"] for of in Histogram._fields)) for plane in PLANES)
+                bins, counts = ([stored[f"{plane}_{name}"] for plane in PLANES] for name in Histogram._fields)
                 quality: Any = map(tuple, stored["quality"].tolist())
-                whole: Any = tuple(None if np.isnan(each) else each for each in stored["whole"].tolist())
-                arrays = {name: stored[name] for name in _ARRAYS}
-                return cls(Quality(*quality), whole[:3], whole[3], patches=patches, **arrays)  # files of old have a fifth
+                *psnr, hue = stored["whole"].tolist()[:4]  # files of old have a fifth
+                arrays: Any = {name: stored[name] for name in _ARRAYS}
+                patches = tuple(map(Histogram, bins, counts))
+                wrong = None if np.isnan(hue) else hue
+                return cls(Quality(*quality), tuple(psnr), wrong, patches=patches, **arrays)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 
@@ -135,6 +137,7 @@ def _window_means(plane: DoubleArray) -> FloatArray:
     plane = plane[BORDER:-BORDER, BORDER:-BORDER]
     for axis in (0, 1):
         origins = window_origins(plane.shape[axis] + 2 * BORDER)
-        means = [np.moveaxis(plane, axis, 0)[start - BORDER :][:WINDOW].mean(axis=0) for start in origins]
+        lines = np.moveaxis(plane, axis, 0)
+        means = [lines[start - BORDER :][:WINDOW].mean(axis=0) for start in origins]
         plane = np.stack(means, axis=axis)
     return plane.astype(np.float32)

@@ -27,26 +27,23 @@ def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
 
 def _preset(name: str, title: str, seconds: float) -> Method:
     settings = PRESETS[name]
-    version, packages = [ALGORITHM, asdict(settings)], ("onnxruntime",) if settings.learned.used else ()
-    function = partial(render_preset, settings)
-    return Method(name, f"Sparse colour, {title}", function, version, ours=True, packages=packages, seconds=seconds)
+    version, function = [ALGORITHM, asdict(settings)], partial(render_preset, settings)
+    packages = ("onnxruntime",) if settings.learned.used else ()
+    return Method(name, title, function, version, True, packages=packages, seconds=seconds)
 
 
 @cache
 def methods() -> dict[str, Method]:
     """All methods but networks, by name: ours, then those of a Bayer camera."""
-    preview = Method(
-        "preview",
-        "Sparse colour, preview",
-        linear_preview,
-        preview_version(),
-        ours=True,
-        packages=("onnxruntime",),
-        seconds=0.1,
-    )
-    presets = _preset("paper", "paper", 0.3), _preset("best", "best", 2), _preset("unlearned", "best, unlearned", 2)
+    title, version, packages = "Sparse colour, preview", preview_version(), ("onnxruntime",)
+    ours = [
+        _preset("paper", "Sparse colour, paper", 0.3),
+        _preset("best", "Sparse colour, best", 2),
+        _preset("unlearned", "Sparse colour, best, unlearned", 2),
+        Method("preview", title, linear_preview, version, True, packages=packages, seconds=0.1),
+    ]
     rivals = (method for module in _RIVALS for method in module.METHODS)
-    return {method.name: method for method in (*presets, preview, *rivals)}
+    return {method.name: method for method in (*ours, *rivals)}
 
 
 def default_names() -> list[str]:
@@ -71,21 +68,24 @@ def choose(names: list[str]) -> list[Method]:
         elif name in methods():
             method = methods()[name]
         else:
-            raise InputError(
-                f"unknown method {name!r}; there are {', '.join(methods())}{meant(name, methods())}, and `rival` for networks"
-            )
+            known = f"{', '.join(methods())}, and networks by `rival`{meant(name, methods())}"
+            raise InputError(f"unknown method {name!r}; there are {known}")
         if method.missing:
-            raise InputError(f"{name} needs the package {method.missing}: {method.remedy}, or leave it out of `methods`")
+            needed = f"{name} needs the package {method.missing}: {method.remedy}"
+            raise InputError(f"{needed}, or leave it out of `methods`")
         chosen[method.name] = method
     return list(chosen.values())
 
 
-@cache
 def find_method(name: str, networks: Networks = ()) -> Method:
-    """Return a method by its name, in any process. Raises InputError for a network whose file has changed or is gone."""
+    """Return a method by its name, in any process. Raises InputError as `find_network` does."""
     file = dict(networks).get(name)
-    if file is None:
-        return methods()[name]
+    return find_network(name, file) if file else methods()[name]
+
+
+@cache
+def find_network(name: str, file: str) -> Method:
+    """Return a network by its name and file. Raises InputError if the file has changed or is gone."""
     method = network(file)
     if method.name != name:
         raise InputError(f"{file}: {CHANGED}")

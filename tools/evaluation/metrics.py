@@ -58,8 +58,12 @@ def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH,
     Raises InputError when the shapes differ, a value is not finite, or no patch fits.
     """
     # Windows are summed one by one: differences of running sums would leave 1e-12 in a patch without error.
-    columns = (sliding_window_view(square, patch, axis=0).sum(axis=-1) for square in _squares(rendered, truth, border, patch))
-    return PatchPsnr(*(_decibels(sliding_window_view(each, patch, axis=1).sum(axis=-1) / patch**2) for each in columns))
+    planes = []
+    for square in _squares(rendered, truth, border, patch):
+        columns = sliding_window_view(square, patch, axis=0).sum(axis=-1)
+        total = sliding_window_view(columns, patch, axis=1).sum(axis=-1)
+        planes.append(_decibels(total / patch**2))
+    return PatchPsnr(*planes)
 
 
 def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
@@ -72,7 +76,8 @@ def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tupl
 
     Arguments and errors as in `patch_psnr`.
     """
-    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in _squares(rendered, truth, border, 1))
+    squares = _squares(rendered, truth, border, 1)
+    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in squares)
     return rgb, luminance, chrominance
 
 

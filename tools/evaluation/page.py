@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from functools import partial
-from math import nan
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tools.io.page import embed_picture, embed_plot, render_page
 
 from .crops import AHEAD, BEHIND, Exhibit, Psnr
-from .figures import Figures, Place
-from .measures import PLANES, TITLES
+from .figures import CRITERIA, Figures, Place
+from .measures import TITLES
 from .metrics import BORDER, PSNR_PATCH
 from .scene_sets import CROP
 from .tables import describe, method_table
@@ -19,16 +19,25 @@ from .verdict import judge
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# matplotlib's ten colours; a further method has the first one again.
+_FIRST = "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd"
+_COLOURS = (*_FIRST, "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 _TEMPLATE = Path(__file__).with_name("evaluation.html")
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
-    """Return the content of the page's file.
+    """Return the content of the page's file, UTF-8.
 
-    figures: all results.
-    exhibits: as `render_crops` makes them.
-    program: name and version.
-    failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
+    Parameters
+    ----------
+    figures
+        All results.
+    exhibits
+        Crops as `render_crops` makes them.
+    program
+        Name and version.
+    failures
+        A line for each scene or result that is missing, and for each folder of which a part is left out.
     """
     study = figures.study
     groups = [_group(figures, name) for name in figures.groups]
@@ -47,9 +56,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
 
 
 def _group(figures: Figures, name: str) -> dict[str, Any]:
-    """Variables of the template for a set of scenes."""
-    from matplotlib.colors import to_hex
-
+    """Return the template's variables for a set of scenes."""
     plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
     return {
         "name": f"{name[:1].upper()}{name[1:]}",
@@ -57,7 +64,7 @@ def _group(figures: Figures, name: str) -> dict[str, Any]:
         "verdict": judge(figures, name),
         "table": method_table(figures, name),
         "plots": list(zip(TITLES, plots, strict=True)),
-        "colours": [(each, to_hex(f"C{number}")) for number, each in enumerate(figures.study.methods)],
+        "colours": list(zip(figures.study.methods, cycle(_COLOURS))),
     }
 
 
@@ -65,11 +72,11 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals dashed."""
     study, levels = figures.study, figures.study.levels
     places = levels[0].places(levels)
-    for number, name in enumerate(study.methods):
+    for name, colour in zip(study.methods, cycle(_COLOURS)):
         found = [figures.of(Place(group, level), name) for level in levels]
-        medians = [figure.values[f"{PLANES[plane]}_q50"] if figure else nan for figure in found]
+        medians = [CRITERIA[plane].score(figure) for figure in found]
         style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
-        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=f"C{number}")
+        axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
     axes.set_xticks(places, [level.tick for level in levels])
     axes.set_xlabel(levels[0].axis)
@@ -77,13 +84,13 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
 
 
 def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
-    """The exhibit there for a reason in which ours and the best rival differ most."""
+    """Return the exhibit of a reason in which ours and the best rival differ most, if there is one."""
     found = [each for each in exhibits if each.crop.why == why]
     return sorted(found, key=lambda each: -abs(each.pictures[1].psnr[0] - each.pictures[2].psnr[0]))[:1]
 
 
 def _shown(exhibit: Exhibit) -> dict[str, Any]:
-    """Variables of the template for an exhibit."""
+    """Return the template's variables for an exhibit."""
     crop, (_, *made) = exhibit.crop, exhibit.pictures
     where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
     if exhibit.stops:
@@ -97,7 +104,7 @@ def _shown(exhibit: Exhibit) -> dict[str, Any]:
 
 
 def _look(ours: Psnr, rival: Psnr) -> str:
-    """What to look at: the plane in which the better picture saves most of the other's mean squared error."""
+    """Return what to look at: the plane in which the better picture saves most of the other's mean squared error."""
     better, worse = max(ours, rival), min(ours, rival)
     saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in zip(better, worse, strict=True)]
     luminance, chrominance = ours[1] - rival[1], ours[2] - rival[2]

@@ -38,11 +38,16 @@ _SECONDS = 0.3  # per megapixel, to measure a picture, roughly
 class Cell:
     """One result: a scene at one noise level, by one method.
 
-    scene: the scene.
-    level: the noise.
-    method: its name.
-    tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
-    name: of its file.
+    Parameters
+    ----------
+    scene, level
+        The scene and the noise.
+    method
+        Name of the method.
+    tile
+        Pattern of the sparse-colour camera; None for a Bayer camera's method.
+    name
+        Name of the result's file.
     """
 
     scene: SceneInfo
@@ -60,15 +65,24 @@ class Cell:
 
 @dataclass(frozen=True)
 class Study:
-    """What is compared.
+    """The scenes, methods, noise levels and patterns that are compared.
 
-    scenes: all under different names.
-    methods: names.
-    levels: in order of rising noise.
-    tiles: the patterns of the sparse-colour camera, under different names.
-    seed: of the noise, the same for every scene.
-    reading: how scenes are read.
-    networks: those among the methods.
+    Parameters
+    ----------
+    scenes
+        Scenes under different names.
+    methods
+        Names of the methods.
+    levels
+        Noise levels in rising order.
+    tiles
+        Patterns of the sparse-colour camera, under different names.
+    seed
+        Seed of the noise, the same for every scene.
+    reading
+        How scenes are read.
+    networks
+        The networks among the methods.
     """
 
     scenes: tuple[SceneInfo, ...]
@@ -92,7 +106,8 @@ class Study:
     @property
     def ours(self) -> str | None:
         """The method that represents us: the best renderer in the study."""
-        return next((name for name in ("best", "unlearned", "paper", "preview") if name in self.methods), None)
+        ranked = ("best", "unlearned", "paper", "preview")
+        return next((name for name in ranked if name in self.methods), None)
 
     @property
     def rivals(self) -> list[str]:
@@ -100,15 +115,15 @@ class Study:
         return [name for name in self.methods if not self.method(name).ours]
 
     def method(self, name: str) -> Method:
-        """One of the methods."""
+        """Return one of the methods."""
         return find_method(name, self.networks)
 
     def cameras(self, method: str) -> tuple[Tile | None, ...]:
-        """The patterns whose shots a method renders; (None,) for a Bayer camera's method."""
+        """Return the patterns whose shots a method renders; (None,) for a Bayer camera's method."""
         return self.tiles if self.method(method).ours else (None,)
 
     def cells(self) -> Iterator[Cell]:
-        """Every result, in the order of the report."""
+        """Yield every result, in the order of the report."""
         for scene in self.scenes:
             for level in self.levels:
                 for name in self.methods:
@@ -120,12 +135,13 @@ class Study:
         return (self.method(cell.method).seconds + _SECONDS) * cell.scene.megapixels
 
     def remarks(self) -> list[str]:
-        """What the user should know about filters that are made from others."""
-        return [f"{tile.name}: {note}" for tile in self.tiles for note in filters_of(tile.pattern).notes]
+        """Return remarks on filters that are made from others."""
+        notes = {tile: filters_of(tile.pattern).notes for tile in self.tiles}
+        return [f"{tile.name}: {note}" for tile in notes for note in notes[tile]]
 
 
 def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
-    """One result, with its name in the cache, a digest of all it depends on. tile: None for a Bayer camera's method."""
+    """Return a result with the name of its file: a digest of all it depends on. tile: None for a Bayer camera's method."""
     parts = {
         "measuring": MEASURING,
         "protocol": level.identity,
@@ -136,14 +152,21 @@ def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | No
         "channels": RGB,
         "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(parts | method.identity, sort_keys=True)
-    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz")
+    text = json.dumps(parts | method.identity, sort_keys=True).encode()
+    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
 
 
 def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Cell], int]:
-    """What is still to be done, and the number of results that are there already. Equal results are made once.
+    """Return the results that are still to be made, equal ones once, and the number of those that are there already.
 
-    anew: make all of them, whatever is there.
+    Parameters
+    ----------
+    study
+        The study.
+    folder
+        Folder of the evaluation.
+    anew
+        Make all results, whatever is there.
     """
     distinct: dict[str, Cell] = {}
     for cell in study.cells():
@@ -163,17 +186,34 @@ def remove_results(study: Study, folder: Path) -> None:
 
 
 def work(study: Study, folder: Path, cell: Cell) -> list[str]:
-    """Make and keep a result, in any process. Raises OutputError when it cannot be kept.
+    """Make and keep a result, in any process.
 
-    folder: of the evaluation.
-    Returns a line if it failed, or if a file is no longer what the result is named after.
+    Parameters
+    ----------
+    study
+        The study; its scenes are not used.
+    folder
+        Folder of the evaluation.
+    cell
+        The result.
+
+    Returns
+    -------
+    list of str
+        A line if it failed, or if a file is no longer what the result is named after; otherwise empty.
+
+    Raises
+    ------
+    OutputError
+        The result cannot be kept.
     """
     place = ""
     try:
         method, truth = _checked(study, cell)
         place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
-        picture = method.render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), study.seed, study.reading))
-        measures = Measures.of(picture, truth)
+        tile = cell.tile or study.tile
+        cameras = _cameras(cell.scene, cell.level, tile, study.seed, study.reading)
+        measures = Measures.of(method.render(cameras), truth)
     except PanchromaError as error:
         return [f"{place}{error}"]
     except MemoryError:
@@ -182,14 +222,16 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     try:
         path.parent.mkdir(exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{path.parent}: the folder cannot be made ({error.strerror or error})") from None
+        reason = f"the folder cannot be made ({error.strerror or error})"
+        raise OutputError(f"{path.parent}: {reason}") from None
     write_durably(path, measures.encode(), overwrite=True)
     return []
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
-    """All results that are there, in the order of the report. Raises InputError where there is none."""
-    found = {cell: measures for cell in study.cells() if (measures := _kept(folder, cell)) is not None}
+    """Return all results that are there, in the order of the report. Raises InputError where there is none."""
+    kept = {cell: _kept(folder, cell) for cell in study.cells()}
+    found = {cell: measures for cell, measures in kept.items() if measures is not None}
     if not found:
         raise InputError("nothing could be measured; the lines above say why")
     return found
@@ -212,7 +254,8 @@ def _checked(study: Study, cell: Cell) -> tuple[Method, FloatArray]:
     method = study.method(cell.method)
     if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
         packages = ", ".join(("Panchroma", *method.packages))
-        raise InputError(f"{cell.method}: the process that measures has other versions of {packages}; install the same ones")
+        reason = f"the process that measures has other versions of {packages}"
+        raise InputError(f"{cell.method}: {reason}; install the same ones")
     return method, study.reading.scene(cell.scene).rgb
 
 

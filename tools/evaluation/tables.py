@@ -27,8 +27,16 @@ _DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
 
 @dataclass(frozen=True)
 class Table:
-    """A table. head: titles of the columns; rows: texts, the title of the row first, of a noise level alone; best: of each row, the
-    places of those texts that are the best of their column at their noise.
+    """A table of texts.
+
+    Parameters
+    ----------
+    head
+        Titles of the columns.
+    rows
+        Texts of each row, its title first; a row of a single text is the heading of those below.
+    best
+        For each row the places of the texts that are the best of their column at their noise.
     """
 
     head: list[str]
@@ -44,7 +52,8 @@ def method_table(figures: Figures, group: str) -> Table:
         scores = np.array([[each.score(figure) for each in CRITERIA] for figure in found])
         table.rows.append([level.text])
         table.best.append([])
-        for figure, best in zip(found, scores == np.fmax.reduce(scores, initial=np.nan), strict=True):
+        highest = scores == np.fmax.reduce(scores, initial=np.nan)
+        for figure, best in zip(found, highest, strict=True):
             pattern = f", {figure.tile.name}" if figure.tile and len(study.tiles) > 1 else ""
             title = study.method(figure.method).title + pattern
             table.rows.append([title, *(each.text(figure) for each in CRITERIA)])
@@ -53,11 +62,12 @@ def method_table(figures: Figures, group: str) -> Table:
 
 
 def plain_text(figures: Figures) -> str:
-    """The report for a terminal: for each set the table and the verdict."""
+    """Return the report for a terminal: for each set the table and the verdict."""
     lines = [describe(figures)]
     for group in figures.groups:
         table = method_table(figures, group)
-        first, *others = (max(map(len, column)) for column in zip_longest(table.head, *table.rows, fillvalue=""))
+        columns = zip_longest(table.head, *table.rows, fillvalue="")
+        first, *others = (max(map(len, column)) for column in columns)
         lines += ["", f"{group} ({len(figures.scenes(group))})"]
         for title, *texts in (table.head, *table.rows):
             cells = (f"  {text:>{width}}" for text, width in zip(texts, others, strict=False))
@@ -67,7 +77,7 @@ def plain_text(figures: Figures) -> str:
 
 
 def describe(figures: Figures) -> str:
-    """The scenes, cameras and light of a study in a sentence."""
+    """Return the scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
     return (
@@ -77,7 +87,7 @@ def describe(figures: Figures) -> str:
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
-    """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
+    """Return one flat object per figure, sets (scene None) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
     return [_row(each) for each in figures.rows]
 
 
@@ -91,7 +101,7 @@ def _row(figure: Figure) -> dict[str, Any]:
 
 
 def encode_csv(figures: Figures) -> bytes:
-    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals."""
+    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4 decimals."""
     text, found = io.StringIO(), rows(figures)
     writer = csv.DictWriter(text, list(found[0]), lineterminator="\n")
     writer.writeheader()
@@ -102,7 +112,7 @@ def encode_csv(figures: Figures) -> bytes:
 
 
 def _cell(value: Any) -> Any:
-    """What a cell of a CSV file holds. A text from which a spreadsheet would make a formula gets an apostrophe in front.
+    """Return the content of a cell of a CSV file: an apostrophe precedes a text that a spreadsheet would take for a formula.
 
     Source: OWASP, CSV injection.
     """
@@ -113,12 +123,26 @@ def _cell(value: Any) -> Any:
 
 
 def encode_json(figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()) -> bytes:
-    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite.
+    """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures, failures; no NaN.
 
-    left_out: remarks on files that were not measured, or once for several.
+    Parameters
+    ----------
+    figures
+        All results.
+    program
+        Name and version.
+    failures
+        A line for each scene or result that is missing.
+    left_out
+        Remarks on files that were not measured, or once for several.
     """
-    study, methods = figures.study, {name: figures.study.method(name) for name in figures.study.methods}
-    patterns = {each.name: {"tile": "/".join(each.pattern.tile), "period": each.period} | _facts(each) for each in study.tiles}
+    study, methods, patterns = figures.study, {}, {}
+    for name in study.methods:
+        method = study.method(name)
+        methods[name] = {"title": method.title, "ours": method.ours, "bayer": not method.ours}
+    for tile in study.tiles:
+        letters = "/".join(tile.pattern.tile)
+        patterns[tile.name] = {"tile": letters, "period": tile.period} | _facts(tile)
     protocol = {
         "kind": study.protocol.name,
         "seed": study.seed,
@@ -137,7 +161,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
         "program": program,
         "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
-        "methods": {name: {"title": each.title, "ours": each.ours, "bayer": not each.ours} for name, each in methods.items()},
+        "methods": methods,
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
@@ -167,6 +191,6 @@ def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
 
 
 def _facts(tile: Tile | None) -> dict[str, Any]:
-    """What is known of a pattern; None in every place for a Bayer camera's method."""
+    """Return the facts about a pattern; all are None for a Bayer camera's method."""
     share, light = (tile.panchromatic_share, tile.light) if tile else (None, None)
     return {"panchromatic_share": share and round(share, 6), "light": light and round(light, 6)}

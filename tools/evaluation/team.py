@@ -81,7 +81,7 @@ class Team:
     def measure(self, study: Study, folder: Path, todo: Sequence[Cell]) -> list[str]:
         """Make and keep results. Returns a line for each that failed; it is shown to the user too."""
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
-        found = self.together("measuring", partial(work, replace(study, scenes=()), folder), todo, pixels, study.seconds)
+        found = self.together("measuring", partial(work, replace(study, scenes=()), folder.absolute()), todo, pixels, study.seconds)
         failures = list(dict.fromkeys(line for lines in found for line in lines))
         for line in failures:
             self.console.error(line)

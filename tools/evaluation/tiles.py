@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from shared import CfaPattern
-from tools.io.scene import Scene
+from tools.io.scene import RGB, Scene
 from tools.simulation.bayer import ORDER
 from tools.simulation.filters import Filters, filters_for
 
@@ -60,9 +60,9 @@ class Tile:
 
 
 @lru_cache(maxsize=256)
-def filters_of(pattern: CfaPattern) -> Filters:
-    """The filters of a pattern before a scene of red, green and blue. Raises InputError as `filters_for` does."""
-    return filters_for(pattern, Scene(np.zeros((1, 1, 3), np.float32), ""))
+def filters_of(pattern: CfaPattern, channels: str = RGB) -> Filters:
+    """The filters of a pattern before any scene with these channels. Raises InputError as `filters_for` does."""
+    return filters_for(pattern, Scene(np.zeros((1, 1, len(channels)), np.float32), "", channels=channels))
 
 
 def chosen_tiles(periods: Iterable[int], others: Iterable[Tile]) -> tuple[Tile, ...]:

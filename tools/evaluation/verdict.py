@@ -11,7 +11,7 @@ _DENOISER = "bm3d+dlmmse-wb"  # the strongest rival in noise, which needs an ext
 
 
 class Verdict(NamedTuple):
-    """tone: "good", "care" or "bad"; sentences: three, or one where there is nothing to compare."""
+    """A verdict: its tone, "good", "care" or "bad", and three sentences, or one where there is nothing to compare."""
 
     tone: str
     sentences: tuple[str, ...]
@@ -49,7 +49,7 @@ def _lead(figures: Figures, lead: Lead) -> str:
 
 
 def _weakest(figures: Figures, group: str) -> str:
-    """The largest loss on any scene, and what the highest noise does to colour."""
+    """Return the sentence on the largest loss on any scene, and on colour at the highest noise."""
     study, level = figures.study, figures.study.levels[-1]
     criteria = {RGB: "the median", TENTH: "the worst tenth", WHOLE: "the whole image"}
     places = product(study.levels, criteria)
@@ -69,7 +69,7 @@ def _weakest(figures: Figures, group: str) -> str:
 
 
 def _caveats(figures: Figures, group: str) -> str:
-    """What the first two sentences do not stand on: too few scenes, no strong rival, missing results."""
+    """Return the sentence on the limits of the other two: few scenes, no strong rival, missing results."""
     study, count, found = figures.study, len(figures.scenes(group)), []
     if count < FEW:
         chance = f"with fewer than {FEW} even being ahead on all of them may be chance"

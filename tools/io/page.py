@@ -12,12 +12,14 @@ import numpy as np
 
 from shared.arrays import ByteArray
 
+from .font_folder import temporary_font_folder
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SHARED = Path(__file__).with_name("pages")  # page.html, which others extend, and parts.html, whose macros they import
 _WIDEST = 1200  # pixels of a photograph on a page
-_PLOTS = {
+_PLOTS: dict[Any, Any] = {
     "text.parse_math": False,  # a "$" in a name is a "$"
     "svg.fonttype": "none",  # texts stay texts
     "svg.hashsalt": "panchroma",  # the same figures make the same bytes
@@ -92,6 +94,7 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
     width, height
         Inches; an inch is 72 CSS pixels where the page does not scale the plot.
     """
+    temporary_font_folder()
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -125,7 +125,7 @@ def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: byt
 
 
 def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_path: Path) -> None:
-    for options, code, words in (([], 2, "likely `stride=256`"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
+    for options, code, words in (([], 2, "likely `stride=256`"), (["--unchecked"], 1, "whole frames with `stride=256`: discard")):
         assert words in recorded(tmp_path, bytes(256 * 96), "-o", out, *DESCRIBED, *options, code=code)
 
 

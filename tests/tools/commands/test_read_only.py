@@ -40,7 +40,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run("render", tmp_path / "shots", "-o", tmp_path / "pictures", "--preset", "paper", code=0)
     left = tmp_path / "pictures" / "below" / ".3.tif.12345678.panchroma.part"
     left.write_bytes(b"half of a picture, which the next run removes")
-    run("evaluate", "builtin:60x60", "-o", tmp_path / "results", "--methods", "bilinear,--sigma", "0", code=0)
+    run("evaluate", "builtin:60x60", "-o", tmp_path / "results", "--methods", "bilinear", "--sigma", "0", code=0)
     return tmp_path
 
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern
+from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation import method as module
 from tools.evaluation.cameras import CameraPair, with_balance
@@ -19,7 +20,7 @@ def test_methods_are_chosen_by_name_and_checked() -> None:
     assert [name for name, method in methods().items() if method.ours] == ["paper", "best", "unlearned", "preview"]
     assert [method.name for method in choose(["dlmmse", "paper", "dlmmse"])] == ["dlmmse", "paper"]
     for gone in ("menon", "demosaicnet"):
-        with pytest.raises(InputError, match=f"unknown method '{gone}'; there are {', '.join(NAMES.split()[:3])}.*dcb"):
+        with pytest.raises(InputError, match=f"unknown method '{gone}'; there are {', '.join(NAMES.split()[:3])}.*dcb.*networks"):
             choose([gone])
 
 
@@ -36,7 +37,12 @@ def test_balanced_methods_see_white_as_grey() -> None:
     rgb = np.broadcast_to(np.array([0.3, 0.6, 0.15], np.float32), (30, 30, 3))
     cameras = CameraPair(PaperProtocol(0.0), 0, rgb, CfaPattern.bayer(6), (0.5, 1.0, 0.25))
     seen = []
-    picture = with_balance(lambda samples: seen.append(samples) or demosaic_bilinear(samples), sample_bayer(rgb), cameras.white)
+
+    def spy(samples: FloatArray) -> FloatArray:
+        seen.append(samples)
+        return demosaic_bilinear(samples)
+
+    picture = with_balance(spy, sample_bayer(rgb), cameras.white)
     np.testing.assert_allclose(seen[0], 0.6, atol=1e-6)
     np.testing.assert_allclose(picture, rgb, atol=1e-6)
     for name in ("bilinear", "dlmmse", "dlmmse-wb", "dcb"):

@@ -7,7 +7,7 @@ import tifffile
 from PIL import Image
 
 from shared.errors import InputError
-from tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct, expand
+from tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct
 from tools.simulation.load import load_scene
 
 RNG = np.random.default_rng(0)
@@ -62,19 +62,6 @@ def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) 
     np.save(tmp_path / "green.npy", rgb.astype(np.float32))
     assert Reading().info(str(tmp_path / "green.npy")).neutral == pytest.approx((0.5, 1.0, 0.25), rel=0.1)
     assert Reading().info("builtin:90x60").neutral == (1.0, 1.0, 1.0)
-
-
-def test_folders_stand_for_their_files(tmp_path: Path) -> None:
-    for folder in ("deep/deeper", "out", ".secret"):
-        (tmp_path / folder).mkdir(parents=True)
-    for name in ("b.png", "a.CR2", "a.txt", ".hidden", "deep/deeper/c.npy", "deep/x.xmp", "out/d.png", ".secret/e.png"):
-        (tmp_path / name).write_bytes(b"x")
-    (tmp_path / "link").symlink_to(tmp_path / "deep")
-    single = str(tmp_path / "b.png")
-    others = ["builtin:60x60", "chart:240x180", "missing"]
-    found, remarks = expand([single, str(tmp_path), *others], tmp_path / "out")
-    assert found == [single, str(tmp_path / "a.CR2"), str(tmp_path / "deep/deeper/c.npy"), *others]
-    assert remarks == [f"{tmp_path}: left out a.txt, deep/x.xmp; 1 hidden folder; 1 result folder; 1 linked folder"]
 
 
 @pytest.mark.parametrize(("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")])

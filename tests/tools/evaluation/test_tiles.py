@@ -5,8 +5,6 @@ import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
-from shared.tiles import TILES
-from tests.data import ROOT
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
@@ -69,10 +67,3 @@ def test_pictures_in_other_colours_are_unmixed_to_the_scenes() -> None:
     for level in (PaperProtocol(0.0), SensorProtocol(0.5)):
         picture = methods()["best"].render(CameraPair(level, 0, rgb, BROADBAND, None))
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=0.01)
-
-
-def test_names_that_tables_show_can_be_copied() -> None:
-    for name, letters in TILES.items():
-        shown = Tile.named(CfaPattern.of_letters(letters), letters).name
-        assert CfaPattern.of_letters(shown) == CfaPattern.of_letters(letters)
-        assert name == "paper" or f" {name}" in (ROOT / "tools/evaluation/RESULTS.md").read_text("utf-8")

@@ -22,7 +22,8 @@ _LOW_PASS = np.array([4, 9, 15, 23, 26, 23, 15, 9, 4]) / 128
 _WINDOW = 9  # pixels along the line, for the local moments
 # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
 _MEAN = np.full(_WINDOW, 1 / _WINDOW)
-_FLOOR = 0.1 / 255**2  # added to variances: keeps flat patches defined, and is far below a step of 8 bits
+# Added to variances: keeps flat patches defined, and is far below a step of 8 bits.
+_FLOOR = 0.1 / 255**2
 _DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 _AXIAL = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
 
@@ -36,13 +37,15 @@ def demosaic_dlmmse(mosaic: FloatArray) -> FloatArray:
     green_site = colour == _GREEN
     horizontal, horizontal_error = _directional_estimate(samples, green_site, axis=1)
     vertical, vertical_error = _directional_estimate(samples, green_site, axis=0)
-    joined = (vertical_error * horizontal + horizontal_error * vertical) / (horizontal_error + vertical_error)
+    joined = vertical_error * horizontal + horizontal_error * vertical
+    joined /= horizontal_error + vertical_error
 
     green = np.where(green_site, samples, samples + joined)
     rgb = np.empty((*mosaic.shape, 3))
     rgb[..., _GREEN] = green
     for channel in (0, 2):
-        difference = np.where(colour == channel, green - samples, 0.0)  # green minus this colour, where it is measured
+        # Green minus this colour, where it is measured.
+        difference = np.where(colour == channel, green - samples, 0.0)
         other = colour == 2 - channel
         difference[other] = correlate(difference, _DIAGONAL, mode="mirror")[other]
         difference[green_site] = correlate(difference, _AXIAL, mode="mirror")[green_site]
@@ -62,7 +65,8 @@ def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: in
     reading = np.where(green_site, samples - interpolated, interpolated - samples)
     smooth = filtered(reading, _LOW_PASS)
     # Unbiased variance of the smooth signal, and power of what the low-pass removed as noise.
-    signal = np.maximum(filtered(smooth**2, _MEAN) - filtered(smooth, _MEAN) ** 2, 0) * _WINDOW / (_WINDOW - 1)
+    variance = np.maximum(filtered(smooth**2, _MEAN) - filtered(smooth, _MEAN) ** 2, 0)
+    signal = variance * _WINDOW / (_WINDOW - 1)
     noise = filtered((smooth - reading) ** 2, _MEAN) + _FLOOR
     gain = signal / (signal + noise)
     # The smooth signal takes the place of the local mean, as in the authors' program; the paper's text has the moving mean.

@@ -24,7 +24,7 @@ from tools.simulation.protocols.protocol import BayerShot
 from ..method import Method
 
 _ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}
-_FORMS = "quads", "sparse", "mosaic"
+_FORMS, _FIELDS = ("quads", "sparse", "mosaic"), ("sites", "add", "noise", "crop")
 _ROWS = 256  # of a piece
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
 _LARGEST = 1 << 30  # bytes of a file
@@ -59,13 +59,13 @@ class Contract:
     def __post_init__(self) -> None:
         if self.order not in _ORDERS:
             raise InputError(f"'order' is {self.order!r}, expected one of {', '.join(_ORDERS)}")
-        if not (self.gamma > 0 and self.offset >= 0 and self.margin > 0 and self.margin % 2 == 0):
-            raise InputError("expected 'gamma' above 0, 'offset' of 0 or more, and an even 'margin' above 0")
+        if self.gamma <= 0 or self.offset < 0 or self.margin <= 0 or self.margin % 2:
+            expected = "'gamma' above 0, 'offset' of 0 or more, and an even 'margin' above 0"
+            raise InputError(f"expected {expected}")
         for name, each in self.inputs.items():
-            if each.get("form") not in _FORMS or not each.keys() <= {"form", "sites", "add", "noise", "crop"}:
-                raise InputError(
-                    f"input {name!r} is {each}, expected 'form' ({', '.join(_FORMS)}), 'sites', 'add', 'noise', 'crop'"
-                )
+            if each.get("form") not in _FORMS or not each.keys() <= {"form", *_FIELDS}:
+                expected = f"'form' ({', '.join(_FORMS)}), {', '.join(map(repr, _FIELDS))}"
+                raise InputError(f"input {name!r} is {each}, expected {expected}")
 
     def encode(self, light: DoubleArray) -> DoubleArray:
         """The code of light, 0 to 1 for 0 to 1."""
@@ -83,9 +83,8 @@ class Contract:
 
     def steepness(self, light: DoubleArray) -> DoubleArray:
         """Derivative of `encode`."""
-        if self.gamma == 1:
-            return np.ones_like(light)
-        return np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / (self.gamma * self._ends[1])
+        slope = np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / self.gamma
+        return slope / self._ends[1]
 
     @property
     def _ends(self) -> tuple[float, float]:
@@ -137,19 +136,23 @@ def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, w
     codes = contract.encode(shot.samples / gain.astype(np.float64))
     noise = gaussian_filter(deviation * contract.steepness(level / float(white.mean())), _AROUND)
 
-    (height, width), (down, right), margin = codes.shape, _ORDERS[contract.order], contract.margin
-    pads = (margin + down, margin + (height + down) % 2), (margin + right, margin + (width + right) % 2)
-    codes, noise = (np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise))
-    filters = channel_map((codes.shape[0] + down, codes.shape[1] + right))[down:, right:]
-    picture = np.empty((3, *(size - 2 * margin for size in codes.shape)))
+    (height, width), (down, right) = codes.shape, _ORDERS[contract.order]
+    margin = contract.margin
+    vertical, horizontal = margin + (height + down) % 2, margin + (width + right) % 2
+    pads = (margin + down, vertical), (margin + right, horizontal)
+    planes: list[Any] = [np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise)]
+    rows, columns = planes[0].shape
+    planes.append(channel_map((rows + down, columns + right))[down:, right:])
+    picture = np.empty((3, rows - 2 * margin, columns - 2 * margin))
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
-        rows = slice(top, end + 2 * margin)
-        inputs = {name: _packed(form, codes[rows], noise[rows], filters[rows]) for name, form in contract.inputs.items()}
+        given = [plane[top : end + 2 * margin] for plane in planes]
+        inputs = {name: _packed(form, *given) for name, form in contract.inputs.items()}
         found = _run(path, content, inputs)
-        edge = margin - (end - top + 2 * margin - found.shape[1]) // 2  # of the margin, what the convolutions have left
+        asked, got = end - top + 2 * margin, found.shape[1]
+        edge = margin - (asked - got) // 2  # of the margin, what the convolutions have left
         if not 0 <= edge <= margin:
-            raise InputError(f"{path}: gives {found.shape[1]} rows for {end - top + 2 * margin}; a larger 'margin' may help")
+            raise InputError(f"{path}: gives {got} rows for {asked}; a larger 'margin' may help")
         picture[:, top:end] = found[:, edge : edge + end - top, edge : edge + picture.shape[2]]
     picture = picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
     return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
@@ -163,10 +166,11 @@ def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters:
         planes, noise = quads, noise[::2, ::2]
     elif form["form"] == "sparse":
         planes = [codes * (filters == channel) for channel in range(3)]
-    added = [plane + np.float32(each) for plane, each in zip(planes, form.get("add", [0.0] * len(planes)), strict=True)]
-    crop = int(form.get("crop", 0))
+    more, crop = form.get("add", [0.0] * len(planes)), int(form.get("crop", 0))
+    added = [plane + np.float32(each) for plane, each in zip(planes, more, strict=True)]
     stacked = np.stack([*added, noise] if form.get("noise") else added)
-    return np.ascontiguousarray(stacked[None, :, crop : stacked.shape[1] - crop, crop : stacked.shape[2] - crop])
+    _, height, width = stacked.shape
+    return np.ascontiguousarray(stacked[None, :, crop : height - crop, crop : width - crop])
 
 
 def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
@@ -192,8 +196,9 @@ def _session(path: str, content: str) -> Any:
 def _content(path: str) -> str:
     """A digest of a network's file, and of the files beside it that hold its weights. Raises InputError, which names the file."""
     model = _read(path)
-    names = sorted({model[found.end() : found.end() + found[1][0]] for found in _BESIDE.finditer(model)})
-    parts = [model, *(_read(os.path.join(os.path.dirname(path), os.fsdecode(name))) for name in names)]  # noqa: PTH118, PTH120
+    names = {model[each.end() : each.end() + each[1][0]] for each in _BESIDE.finditer(model)}
+    beside = [str(Path(path).parent / os.fsdecode(name)) for name in sorted(names)]
+    parts = [model, *map(_read, beside)]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 

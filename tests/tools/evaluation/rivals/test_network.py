@@ -76,8 +76,8 @@ def test_a_network_for_unbalanced_samples_gets_them_as_they_are(tmp_path: Path) 
     for balanced in (True, False):
         path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", balanced=balanced, gamma=2.2, inputs=QUADS)
         shot = BayerShot(mosaic, 0.0, 0.0)
-        whites = [choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32))]
-        assert np.array_equal(*whites) != balanced
+        first, second = (choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32)))
+        assert np.array_equal(first, second) != balanced
 
 
 def test_a_name_has_characters_that_plots_can_show(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A folder for matplotlib that goes when the program ends: colour-demosaicing imports it, and it would write to the user's home."""
+"""A folder for matplotlib that goes when the program ends: it would write a list of fonts to the user's home."""
 
 import os
 from contextlib import suppress
@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 
 @cache
 def temporary_font_folder() -> "TemporaryDirectory[str] | None":
-    """Call it in a command before an import that may import matplotlib, which keeps a list of fonts; its workers inherit it.
+    """Call it before an import of matplotlib. The folder is removed with the returned object.
 
-    It is removed with the returned object. Libraries do not call it: it sets a variable of the whole process.
+    It sets a variable of the whole process.
 
     Returns None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no room for another.
     """

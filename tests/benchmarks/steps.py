@@ -1,0 +1,77 @@
+"""What is each step of the reconstruction worth? python -m tests.benchmarks.steps SCENE... [--sigma 0 0.01 0.03] [--size 360]
+
+Means over the scenes, the paper's camera, K = 6, in Markdown: PSNR in dB of 10 x 10 patches (median or 10 % quantile), and the
+time of one core.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from offline import BEST, PAPER, PRESETS, render, use_threads
+from shared import Mosaic
+from shared.arrays import FloatArray
+from tests.benchmarks.harness import PATTERN, middle, options
+from tools.evaluation.cameras import CameraPair
+from tools.evaluation.methods import render_preset
+from tools.evaluation.metrics import quality
+from tools.simulation.load import load_scene
+from tools.simulation.protocols import PaperProtocol
+
+FIGURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
+_FILLED = replace(BEST.luminance, learned=False)
+STEPS = {
+    "`paper`": PAPER,
+    "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, taps=1)),
+    "`paper`, no refinement": replace(PAPER, refinement=BEST.refinement),
+    "`best`": BEST,
+    "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
+    "`best`, no networks": PRESETS["unlearned"],
+    "`best`, no networks, no correction by the samples": replace(BEST.switched(False), luminance=_FILLED),
+    "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
+    "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
+}
+
+
+def with_true_luminance(truth: FloatArray, mosaic: Mosaic) -> FloatArray:
+    """What the best luminance inpainting could still gain in Eq. 17."""
+    rendering, (rows, columns) = render(mosaic, PAPER), mosaic.shape
+    known = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    luminance = np.where(known, rendering.luminance, truth[:rows, :columns].sum(axis=2))
+    return rendering.chromaticity * luminance[..., None]
+
+
+def measure(make: Callable[[Mosaic], FloatArray], mosaic: Mosaic, truth: FloatArray) -> list[float]:
+    """The FIGURES of a step."""
+    make(Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration))  # loads what is compiled
+    start = time.process_time()
+    picture = make(mosaic)
+    seconds = time.process_time() - start
+    found = quality(picture, truth)
+    return [*found.median, found.rgb[0], found.chrominance[0], 1e6 * seconds / mosaic.samples.size]
+
+
+def main() -> None:
+    """Print the table."""
+    given = options(__doc__, "+", sigma=[0.0, 0.01, 0.03], size=360)
+    use_threads(1)  # so that the processor's time is that of the work
+    rows: dict[tuple[float, str], list[list[float]]] = defaultdict(list)
+    for source in given.scenes:
+        truth = middle(load_scene(source).rgb, given.size)
+        steps = {name: partial(render_preset, settings) for name, settings in STEPS.items()}
+        steps["`paper`, true luminance at the colour sites"] = partial(with_true_luminance, truth)
+        for sigma in given.sigma:
+            mosaic = CameraPair(PaperProtocol(sigma), 0, truth, PATTERN, None).sparse
+            for name, make in steps.items():
+                rows[sigma, name].append(measure(make, mosaic, truth))
+    print(f"| sigma | | {' | '.join(FIGURES)} |\n|{'---|' * (len(FIGURES) + 2)}")
+    for (sigma, name), found in rows.items():
+        print(f"| {sigma:g} | {name} | {' | '.join(f'{each:.3g}' for each in np.mean(found, axis=0))} |")
+
+
+if __name__ == "__main__":
+    main()
