@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .console import StandardOutputError, WorkerFault, fault, note_warnings, traceback_of
@@ -39,6 +39,8 @@ THREAD_VARIABLES = (
 """Environment variables that numerical libraries read when they are loaded."""
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
+_POLL = 1.0  # seconds without a result after which the executor is looked at
+_STARTS = 3  # of a pool whose processes die before they have an item
 _STEPS = 10  # of a progress bar per unit of length
 
 
@@ -68,11 +70,13 @@ class Executor:
     submit: called with function and item; the future's result is (result or exception, notes).
     killed: exceptions of a future whose worker died.
     remedy: what the user can do about a killed worker.
+    is_alive: whether futures that are not done can still end; if not, the next `submit` starts anew.
     """
 
     submit: Callable[[Any, Any], "Future[tuple[Any, list[str]]]"]
     killed: tuple[type[Exception], ...]
     remedy: str
+    is_alive: Callable[[], bool] = lambda: True
 
     def run(self, function: "Function[P, R]", items: Sequence[P], note: "Note") -> "Results[P, R]":
         """Call the function for each item. An item whose worker died ends with an InputError.
@@ -89,8 +93,11 @@ class Executor:
                 running[self.submit(function, item)] = item
             if not running:
                 return
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            done, _ = wait(running, _POLL, FIRST_COMPLETED)
             raise_lost_signal()
+            if not done and not self.is_alive():  # a process died before it had an item: none is done
+                waiting = chain(running.values(), waiting)
+                running = {}
             for future in done:
                 item = running.pop(future)
                 notes: list[str] = []
@@ -98,6 +105,9 @@ class Executor:
                     result, notes = future.result()
                 except self.killed:
                     result = InputError(f"its process was killed, most likely for want of memory; {self.remedy}")
+                except BrokenProcessPool:  # as above
+                    waiting = chain([item], waiting)
+                    continue
                 for text in notes:
                     note(text)
                 yield item, result
@@ -115,20 +125,36 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
     from shared.errors import InputError
 
-    before = set(multiprocessing.active_children())
+    before, starts = set(multiprocessing.active_children()), 0
     spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn)
-    try:
+
+    def start() -> Any:
+        pool = ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn)
         with _blocked_signals():
             pool.active  # noqa: B018  starts it
-        yield Executor(lambda function, item: pool.schedule(call, (function, item)), (ProcessExpired,), remedy)
-    except BrokenProcessPool:
-        raise InputError(f"processes are killed as soon as they start; {remedy}") from None
-    finally:
+        return pool
+
+    def stop() -> None:
         pool.stop()
         for child in set(multiprocessing.active_children()) - before:
-            child.terminate()  # all at once: the pool would wait for one after the other
+            child.kill()  # all at once: the pool would wait for one after the other
         pool.join()
+
+    def submit(function: Any, item: Any) -> Any:
+        nonlocal pool, starts
+        if not pool.active:
+            stop()
+            starts += 1
+            if starts > _STARTS:
+                raise InputError(f"processes are killed as soon as they start; {remedy}")
+            pool = start()
+        return pool.schedule(call, (function, item))
+
+    pool = start()
+    try:
+        yield Executor(submit, (ProcessExpired,), remedy, lambda: pool.active)
+    finally:
+        stop()
 
 
 @contextmanager
