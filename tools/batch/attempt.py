@@ -234,9 +234,9 @@ def _journal(folder: Path) -> Journal:
 
 
 def _stamp(files: Iterable[str | Path]) -> str:
-    """Size and time of modification of each file."""
+    """Digest of the size and time of modification of each file."""
     found = (file_status(each) for each in files)
-    return " ".join(f"{each.st_size}-{each.st_mtime_ns}" if each else "?" for each in found)
+    return key(files=[(each.st_size, each.st_mtime_ns) if each else None for each in found])
 
 
 def _both_there(one: str, other: str) -> bool:
