@@ -125,6 +125,7 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
     from shared.errors import InputError
 
+    pool: Any = None
     before, starts = set(multiprocessing.active_children()), 0
     spawn = multiprocessing.get_context("spawn")
 

@@ -77,7 +77,7 @@ def test_processes_that_die_before_they_have_an_item_are_started_again() -> None
     with processes(2, "") as executor:
         for child in multiprocessing.active_children():
             child.kill()
-        found = dict(executor.run(double, range(1, 5), print))
+        found: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
     assert {item: result[0] for item, result in found.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
