@@ -125,35 +125,31 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
     from shared.errors import InputError
 
-    pool: Any = None
-    before, starts = set(multiprocessing.active_children()), 0
-    spawn = multiprocessing.get_context("spawn")
+    before, spawn = set(multiprocessing.active_children()), multiprocessing.get_context("spawn")
+    pools: list[ProcessPool] = []  # the last one is at work
 
-    def start() -> Any:
-        pool = ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn)
+    def start() -> None:
+        pools.append(ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn))
         with _blocked_signals():
-            pool.active  # noqa: B018  starts it
-        return pool
+            pools[-1].active  # noqa: B018  starts it
 
     def stop() -> None:
-        pool.stop()
+        pools[-1].stop()
         for child in set(multiprocessing.active_children()) - before:
             child.kill()  # all at once: the pool would wait for one after the other
-        pool.join()
+        pools[-1].join()
 
     def submit(function: Any, item: Any) -> Any:
-        nonlocal pool, starts
-        if not pool.active:
+        if not pools[-1].active:
             stop()
-            starts += 1
-            if starts > _STARTS:
+            if len(pools) == _STARTS:
                 raise InputError(f"processes are killed as soon as they start; {remedy}")
-            pool = start()
-        return pool.schedule(call, (function, item))
+            start()
+        return pools[-1].schedule(call, (function, item))
 
-    pool = start()
     try:
-        yield Executor(submit, (ProcessExpired,), remedy, lambda: pool.active)
+        start()
+        yield Executor(submit, (ProcessExpired,), remedy, lambda: pools[-1].active)
     finally:
         stop()
 
