@@ -45,7 +45,15 @@ _STEPS = 10  # of a progress bar per unit of length
 
 
 def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]") -> "Results[P, R]":
-    """Call the function in this thread. listen: makes the listener of an item, for a `with` block."""
+    """Call the function in this thread.
+
+    Parameters
+    ----------
+    function, items
+        What is called, and for what.
+    listen
+        Makes the listener of an item, for a `with` block.
+    """
     for item in items:
         raise_lost_signal()
         with listen(item) as listener:
@@ -54,7 +62,17 @@ def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable
 
 
 def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note: "Note") -> "Results[P, R]":
-    """Call the function in threads; yields in the order of the items. note: called with each note of an item."""
+    """Call the function in threads; yield in the order of the items.
+
+    Parameters
+    ----------
+    function, items
+        What is called, and for what.
+    count
+        Number of threads, 1 or more.
+    note
+        Called with each note of an item, in any of the threads.
+    """
     from tools.io.ahead import ahead
 
     from .progress import StageProgress
@@ -67,10 +85,16 @@ def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note:
 class Executor:
     """Runs functions elsewhere; functions, items and results are pickled.
 
-    submit: called with function and item; the future's result is (result or exception, notes).
-    killed: exceptions of a future whose worker died.
-    remedy: what the user can do about a killed worker.
-    is_alive: whether futures that are not done can still end; if not, the next `submit` starts anew.
+    Parameters
+    ----------
+    submit
+        Called with function and item; the future's result is (result or exception, notes).
+    killed
+        Exceptions of a future whose worker died.
+    remedy
+        What the user can do about a killed worker.
+    is_alive
+        Whether futures that are not done can still end; if not, the next `submit` starts anew.
     """
 
     submit: Callable[[Any, Any], "Future[tuple[Any, list[str]]]"]
@@ -81,8 +105,18 @@ class Executor:
     def run(self, function: "Function[P, R]", items: Sequence[P], note: "Note") -> "Results[P, R]":
         """Call the function for each item. An item whose worker died ends with an InputError.
 
-        function: of a module, or a `partial` of one.
-        note: called in this thread with each note of an item.
+        Parameters
+        ----------
+        function
+            Of a module, or a `partial` of one.
+        items
+            Any number; 1000 are submitted at a time.
+        note
+            Called in this thread with each note of an item.
+
+        Yields
+        ------
+        (item, result or exception), as items finish.
         """
         from shared.errors import InputError
 
@@ -115,11 +149,18 @@ class Executor:
 
 @contextmanager
 def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
-    """Start processes of this machine, which end with the `with` block, whatever they are at.
+    """Start processes of this machine, which are killed at the end of the `with` block, whatever they are at.
 
-    count: of processes. A process that dies is replaced.
-    remedy: see `Executor`.
-    threads: of the numerical libraries in each process.
+    Files that are half written then are swept by whoever knows their folders (`shared.writing.sweep`).
+
+    Parameters
+    ----------
+    count
+        Number of processes. A process that dies is replaced.
+    remedy
+        See `Executor`.
+    threads
+        Number of threads of the numerical libraries in each process.
     """
     from pebble import ProcessExpired, ProcessPool
 
@@ -214,8 +255,16 @@ def follow(
 ) -> "Results[P, R]":
     """Yield the results, and show how far the whole is and how long the rest will take.
 
-    name: of the stage; "" = no name.
-    length: of an item, in any unit.
+    Parameters
+    ----------
+    results, items
+        The results of these items, in any order.
+    progress
+        Shows it.
+    name
+        Name of the stage; "" = no name.
+    length
+        Length of the work on an item, in any unit.
     """
     whole, done, start = sum(map(length, items)), 0.0, time.monotonic()
     progress.stage(name, round(_STEPS * whole))
