@@ -1,7 +1,6 @@
 """Measure the overhead and the scaling of `render` on many shots: python -m tests.benchmarks.batch [FIGURE]...
 
-parts    1,000 small shots in one command with one process, compared with the sum of their parts: reading, rendering and writing
-         each of these shots in this process, kernels compiled, without journal, locks and digests.
+small    1,000 small shots in one command with one process, and again with --resume.
 workers  throughput of 1 and 2 processes of one thread each, shots of 1 MP.
 cluster  throughput of 1 and 2 dask workers of one thread each, the same shots.
 plan     processor time, bytes in and bytes out of one shot of 24 MP, extrapolated to a million shots.
@@ -19,16 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import use_threads
 from shared import Mosaic, SensorCalibration, write_dng
 from tests.benchmarks.harness import PATTERN
 from tests.dask_cluster import cluster
 from tests.tools.command import start
-from tools.batch.jobs import Job
-from tools.batch.order import Order
-from tools.batch.progress import StageProgress
-from tools.io.development import write_picture
-from tools.io.kind import PictureKind
 from tools.simulation.drawn.builtin import builtin_scene
 from tools.simulation.sensor import simulate_additive
 
@@ -64,30 +57,12 @@ def fresh(top: Path, name: str) -> Path:
     return top / name
 
 
-def parts(top: Path) -> None:
-    """Compare one command with a loop of reading, rendering and writing."""
+def small(top: Path) -> None:
+    """Measure one process."""
     save_shots(top / "small", COUNT, SMALL)
-    shots, out = sorted((top / "small").iterdir()), fresh(top, "parts")
-    order = Order(out, PictureKind.of("tif"), "best", 0.0, None, "")
-    use_threads(1)
-
-    def render(shot: Path, name: str) -> None:
-        subject = order.open(Job(str(shot)), 1 << 40, print)
-        development = order.development(subject.mosaic)
-        write_picture(out / name, subject.bands(StageProgress()), development)
-
-    render(shots[0], "first.tif")
-    start, used = time.perf_counter(), time.process_time()
-    for shot in shots:
-        render(shot, f"{shot.stem}.tif")
-    alone, used = time.perf_counter() - start, time.process_time() - used
-    whole, whole_used = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
-    print(
-        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.0%}; "
-        f"of the processor {used:.1f} s and {whole_used:.1f} s, {used / whole_used:.0%}"
-    )
-    again, _ = seconds(top / "small", "-o", top / "whole", "--workers", "1", "-j", "1", "--resume")
-    print(f"the same with --resume, all current: {again:.1f} s")
+    options = (top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
+    (wall, used), (again, _) = seconds(*options), seconds(*options, "--resume")
+    print(f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: {wall:.1f} s ({used:.1f} s of a processor); all up to date: {again:.1f} s")
 
 
 def workers(top: Path) -> None:
@@ -139,7 +114,7 @@ def plan(top: Path) -> None:
     )
 
 
-MEASURED = {"parts": parts, "workers": workers, "cluster": on_cluster, "plan": plan}
+MEASURED = {"small": small, "workers": workers, "cluster": on_cluster, "plan": plan}
 
 
 def main() -> None:

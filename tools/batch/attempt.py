@@ -29,13 +29,23 @@ if TYPE_CHECKING:
 def attempt(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
     """Make a picture, or find that it is there already.
 
-    order: settings of the run.
-    memory: bytes that may be used.
-    processes: how many may be started to compile the renderer; 1 = none, in a process that was started itself.
-    job: the shot or burst, and where its picture goes.
-    listener: takes stages, and remarks for the user.
+    Parameters
+    ----------
+    order
+        Settings of the run.
+    memory
+        Bytes that may be used.
+    processes
+        Number of processes that may be started to compile the renderer; 1 in a process that was started itself.
+    job
+        The shot or burst, and where its picture goes.
+    listener
+        Takes stages, and remarks for the user.
 
-    Raises InputError, ForeignFileError or OutputError if there can be no picture.
+    Raises
+    ------
+    InputError, ForeignFileError, OutputError
+        There can be no picture.
     """
     return _Attempt(order, memory, processes, job, listener).outcome()
 
@@ -234,9 +244,9 @@ def _journal(folder: Path) -> Journal:
 
 
 def _stamp(files: Iterable[str | Path]) -> str:
-    """Size and time of modification of each file."""
+    """Digest of the size and time of modification of each file."""
     found = (file_status(each) for each in files)
-    return " ".join(f"{each.st_size}-{each.st_mtime_ns}" if each else "?" for each in found)
+    return key(files=[(each.st_size, each.st_mtime_ns) if each else None for each in found])
 
 
 def _both_there(one: str, other: str) -> bool:

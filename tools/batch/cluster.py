@@ -31,10 +31,21 @@ class SchedulerGoneError(PanchromaError):
 
 @contextmanager
 def cluster(address: str, note: Note) -> Iterator[Executor]:
-    """Connect to the scheduler at `address`; what is not finished at the end of the `with` block is cancelled.
+    """Connect to a scheduler; what is not finished at the end of the `with` block is cancelled.
 
-    note: called when there is no worker, for which this waits.
-    Raises InputError when no scheduler answers, SchedulerGoneError when it ends.
+    Parameters
+    ----------
+    address
+        Of the scheduler, tcp://HOST:PORT.
+    note
+        Called when there is no worker, for which this waits.
+
+    Raises
+    ------
+    InputError
+        No scheduler answers, or a worker runs another source.
+    SchedulerGoneError
+        The scheduler ends.
     """
     try:
         from distributed import Client, KilledWorker

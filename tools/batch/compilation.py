@@ -1,6 +1,5 @@
 """Compile the renderer's kernels, ahead or when they are needed, and tell the user, who waits for it in a first run."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -11,7 +10,6 @@ from tools.batch.memory import available_memory
 from tools.batch.parallel import processes as worker_processes
 from tools.batch.progress import Note, StageProgress
 
-_BETWEEN_NOTES = 10.0  # seconds
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 _REMEDY = "close other programs, or let the first render compile"
@@ -21,7 +19,7 @@ _REMEDY = "close other programs, or let the first render compile"
 def announced_compilation(progress: StageProgress) -> Iterator[None]:
     """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
 
-    progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, it gets notes instead.
+    progress: gets the note, and shows how far it is.
     """
     from offline import compilation
 
@@ -86,10 +84,9 @@ def _compile(name: str, listener: StageProgress) -> None:
 
 def _teller(progress: StageProgress) -> Callable[[str], None]:
     """A function that says once that the renderer is being compiled, and shows how far it is."""
-    note_once, said = cache(progress.note), time.monotonic()
+    note_once = cache(progress.note)
 
     def tell(how_far: str) -> None:
-        nonlocal said
         try:
             cache_folder()
         except RuntimeError:
@@ -97,10 +94,6 @@ def _teller(progress: StageProgress) -> Callable[[str], None]:
         else:
             often = "once"
         note_once(f"compiling the renderer for this processor; it takes about half a minute, {often}")
-        if progress.shows:
-            progress.remark(how_far)
-        elif time.monotonic() - said >= _BETWEEN_NOTES:
-            said = time.monotonic()
-            progress.note(f"{how_far}: {progress.current}")
+        progress.remark(how_far)
 
     return tell

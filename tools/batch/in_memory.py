@@ -9,23 +9,17 @@ from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.processors import processors
 from shared.spelling import meant
-from tools.batch.console import fault as missing_package
 from tools.batch.console import to_stderr
 from tools.batch.memory import allowed_memory, format_bytes
 from tools.batch.progress import REMARKS, StageProgress
 from tools.io.kind import PictureKind
 from tools.io.samples import joined
-from tools.io.versions import program_version
 
 from .checks import check_light, needed_memory
 from .compilation import announced_compilation, compile_ahead
 
 if TYPE_CHECKING:
-    from offline import Rendering
-    from offline import RenderSettings as RenderSettings  # noqa: PLC0414  the notebook takes it from here
-    from offline import Stages as Stages  # noqa: PLC0414  and this
-
-__all__ = ["RenderSettings", "Stages", "missing_package", "note_once", "program_version", "render_array", "settings_named"]
+    from offline import Rendering, RenderSettings, Stages
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 

@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .console import StandardOutputError, WorkerFault, fault, note_warnings, traceback_of
@@ -39,11 +39,21 @@ THREAD_VARIABLES = (
 """Environment variables that numerical libraries read when they are loaded."""
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
+_POLL = 1.0  # seconds without a result after which the executor is looked at
+_STARTS = 3  # of a pool whose processes die before they have an item
 _STEPS = 10  # of a progress bar per unit of length
 
 
 def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]") -> "Results[P, R]":
-    """Call the function in this thread. listen: makes the listener of an item, for a `with` block."""
+    """Call the function in this thread.
+
+    Parameters
+    ----------
+    function, items
+        What is called, and for what.
+    listen
+        Makes the listener of an item, for a `with` block.
+    """
     for item in items:
         raise_lost_signal()
         with listen(item) as listener:
@@ -52,7 +62,17 @@ def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable
 
 
 def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note: "Note") -> "Results[P, R]":
-    """Call the function in threads; yields in the order of the items. note: called with each note of an item."""
+    """Call the function in threads; yield in the order of the items.
+
+    Parameters
+    ----------
+    function, items
+        What is called, and for what.
+    count
+        Number of threads, 1 or more.
+    note
+        Called with each note of an item, in any of the threads.
+    """
     from tools.io.ahead import ahead
 
     from .progress import StageProgress
@@ -65,20 +85,38 @@ def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note:
 class Executor:
     """Runs functions elsewhere; functions, items and results are pickled.
 
-    submit: called with function and item; the future's result is (result or exception, notes).
-    killed: exceptions of a future whose worker died.
-    remedy: what the user can do about a killed worker.
+    Parameters
+    ----------
+    submit
+        Called with function and item; the future's result is (result or exception, notes).
+    killed
+        Exceptions of a future whose worker died.
+    remedy
+        What the user can do about a killed worker.
+    is_alive
+        Whether futures that are not done can still end; if not, the next `submit` starts anew.
     """
 
     submit: Callable[[Any, Any], "Future[tuple[Any, list[str]]]"]
     killed: tuple[type[Exception], ...]
     remedy: str
+    is_alive: Callable[[], bool] = lambda: True
 
     def run(self, function: "Function[P, R]", items: Sequence[P], note: "Note") -> "Results[P, R]":
         """Call the function for each item. An item whose worker died ends with an InputError.
 
-        function: of a module, or a `partial` of one.
-        note: called in this thread with each note of an item.
+        Parameters
+        ----------
+        function
+            Of a module, or a `partial` of one.
+        items
+            Any number; 1000 are submitted at a time.
+        note
+            Called in this thread with each note of an item.
+
+        Yields
+        ------
+        (item, result or exception), as items finish.
         """
         from shared.errors import InputError
 
@@ -89,8 +127,11 @@ class Executor:
                 running[self.submit(function, item)] = item
             if not running:
                 return
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            done, _ = wait(running, _POLL, FIRST_COMPLETED)
             raise_lost_signal()
+            if not done and not self.is_alive():  # a process died before it had an item: none is done
+                waiting = chain(running.values(), waiting)
+                running = {}
             for future in done:
                 item = running.pop(future)
                 notes: list[str] = []
@@ -98,6 +139,9 @@ class Executor:
                     result, notes = future.result()
                 except self.killed:
                     result = InputError(f"its process was killed, most likely for want of memory; {self.remedy}")
+                except BrokenProcessPool:  # as above
+                    waiting = chain([item], waiting)
+                    continue
                 for text in notes:
                     note(text)
                 yield item, result
@@ -105,30 +149,50 @@ class Executor:
 
 @contextmanager
 def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
-    """Start processes of this machine, which end with the `with` block, whatever they are at.
+    """Start processes of this machine, which are killed at the end of the `with` block, whatever they are at.
 
-    count: of processes. A process that dies is replaced.
-    remedy: see `Executor`.
-    threads: of the numerical libraries in each process.
+    Files that are half written then are swept by whoever knows their folders (`shared.writing.sweep`).
+
+    Parameters
+    ----------
+    count
+        Number of processes. A process that dies is replaced.
+    remedy
+        See `Executor`.
+    threads
+        Number of threads of the numerical libraries in each process.
     """
     from pebble import ProcessExpired, ProcessPool
 
     from shared.errors import InputError
 
-    before = set(multiprocessing.active_children())
-    spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn)
-    try:
+    before, spawn = set(multiprocessing.active_children()), multiprocessing.get_context("spawn")
+    pools: list[ProcessPool] = []  # the last one is at work
+
+    def start() -> None:
+        pools.append(ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn))
         with _blocked_signals():
-            pool.active  # noqa: B018  starts it
-        yield Executor(lambda function, item: pool.schedule(call, (function, item)), (ProcessExpired,), remedy)
-    except BrokenProcessPool:
-        raise InputError(f"processes are killed as soon as they start; {remedy}") from None
-    finally:
-        pool.stop()
+            pools[-1].active  # noqa: B018  starts it
+
+    def stop() -> None:
+        pools[-1].stop()
         for child in set(multiprocessing.active_children()) - before:
-            child.terminate()  # all at once: the pool would wait for one after the other
-        pool.join()
+            child.kill()  # all at once: the pool would wait for one after the other
+        pools[-1].join()
+
+    def submit(function: Any, item: Any) -> Any:
+        if not pools[-1].active:
+            stop()
+            if len(pools) == _STARTS:
+                raise InputError(f"processes are killed as soon as they start; {remedy}")
+            start()
+        return pools[-1].schedule(call, (function, item))
+
+    try:
+        start()
+        yield Executor(submit, (ProcessExpired,), remedy, lambda: pools[-1].active)
+    finally:
+        stop()
 
 
 @contextmanager
@@ -191,8 +255,16 @@ def follow(
 ) -> "Results[P, R]":
     """Yield the results, and show how far the whole is and how long the rest will take.
 
-    name: of the stage; "" = no name.
-    length: of an item, in any unit.
+    Parameters
+    ----------
+    results, items
+        The results of these items, in any order.
+    progress
+        Shows it.
+    name
+        Name of the stage; "" = no name.
+    length
+        Length of the work on an item, in any unit.
     """
     whole, done, start = sum(map(length, items)), 0.0, time.monotonic()
     progress.stage(name, round(_STEPS * whole))

@@ -38,11 +38,26 @@ def render_all(
 ) -> Counter[State]:
     """Render all shots, with a line and a record for each. Returns how many ended in which state.
 
-    jobs: number of processes, fewer where memory is short; None = one for a few shots, otherwise one per processor. One is this
-        process; if there is only one shot, the console shows its stages.
-    memory: bytes for all processes together, on a cluster for each worker; None = most of what is free.
-    scheduler: address of a dask scheduler, whose workers render; they see the same folders.
-    Raises SchedulerGoneError when the scheduler ends.
+    Parameters
+    ----------
+    order
+        Settings of the run.
+    shots
+        Shots or bursts, and where their pictures go.
+    console
+        Shows results and progress; of a single shot, its stages.
+    jobs
+        Number of processes, 1 or more, fewer where memory is short; None = one for a few shots, otherwise one per processor. With
+        one the work is done in this process.
+    memory
+        Bytes for all processes together, on a cluster for each worker; None = most of what is free.
+    scheduler
+        Address of a dask scheduler, whose workers render; they see the same folders.
+
+    Raises
+    ------
+    SchedulerGoneError
+        The scheduler ends.
     """
     if order.resume:  # commands that share a folder wait for a shot that another one renders: they should seldom meet
         shots = random.sample(shots, len(shots))

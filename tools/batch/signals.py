@@ -1,10 +1,9 @@
-"""Signals that end a program: commands clean up, services finish their current work, workers end with their parent."""
+"""Signals that end a program: commands clean up, services finish their current work."""
 
 import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -81,55 +80,10 @@ def send_again_if_lost(number: int) -> None:
     sys.unraisablehook = dropped
 
 
-@contextmanager
-def deferred_signals() -> Iterator[None]:
-    """In the `with` block a process is started: signals that end this one wait until it is complete.
-
-    Otherwise the new process would be left with half of its orders, and show a traceback. It never gets SIGINT, not even while it
-    is importing: an interrupt at a terminal goes to all processes, but it is for this one, which stops the others.
-    """
-    from multiprocessing import resource_tracker  # here: an interrupt while the command line is imported shows a traceback
-
-    resource_tracker.ensure_running()  # when it starts, with the first process, it unblocks SIGINT
-    held: list[int] = []
-    numbers = [number for number in _ENDING if _in_main_thread() and signal.getsignal(number) is not None]  # None: set from C
-    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in numbers}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the process inherits it; threads of ours may still get it
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for received in held:
-            signal.raise_signal(received)
-
-
 def raise_lost_signal() -> None:
     """Raise Terminated again if a signal was received: a C extension that is being imported turns it into an ImportError."""
     if _received:
         raise _received[-1]
-
-
-def end_with_parent(patience: float = 0.0) -> None:
-    """In a worker process: end when the parent process does, and leave SIGINT and SIGHUP to it: it stops the workers.
-
-    patience: seconds between the SIGTERM that a worker without a parent gets, and its end in any case.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    threading.Thread(target=_watch_parent, args=(patience,), daemon=True).start()
-
-
-def _watch_parent(patience: float) -> None:
-    import multiprocessing.connection
-
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(patience)
-        os._exit(1)
 
 
 @contextmanager

@@ -50,7 +50,14 @@ def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
 def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     """Name the options with which the bytes of a frame show a tile that has a name, and that name; "" if there are none.
 
-    layout: the one in which they do not. A wrong one hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
+    A wrong layout hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
+
+    Parameters
+    ----------
+    data
+        The bytes of a frame.
+    layout
+        The layout in which they show no tile.
     """
     for readings in _readings(data, layout):
         found = []
@@ -109,9 +116,14 @@ def _advice(layout: FrameLayout, name: str, stride: int, skipped: int, tile: str
 
 
 def likely_strides(data: Bytes, stride: int) -> list[int]:
-    """Strides, in bytes, that the rows in `data` may have, the likeliest first; none where nothing repeats.
+    """Find the strides that the rows may have, the likeliest first; none where nothing repeats.
 
-    stride: the declared one; from a third of it to three times as long are found.
+    Parameters
+    ----------
+    data
+        The bytes of a frame.
+    stride
+        The declared one, bytes; those from a third of it to three times it are found.
     """
     whole = np.frombuffer(data, np.uint8)
     start = max((len(whole) - _BYTES) // 4 * 2, 0)

@@ -41,7 +41,6 @@ _HEADERS = {
 }
 _BOUNDARY = "frame"
 _VIEWERS = 8
-_PAUSE = 0.2  # seconds before a connection is accepted again where no descriptor is free
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 _LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
 _STALL = 1.0  # seconds after which the last picture is sent a second time: Chromium shows the first of a stream only then
@@ -86,14 +85,6 @@ class ViewfinderServer(ThreadingTCPServer):
         """The address of the page."""
         host, port = map(str, self.server_address[:2])
         return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
-
-    def get_request(self) -> tuple[Any, Any]:
-        """Accept a connection. Raises OSError if that fails, after a pause: the one that waits would be tried again at once."""
-        try:
-            return super().get_request()
-        except OSError:
-            time.sleep(_PAUSE)
-            raise
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore disconnects and timeouts of clients; report everything else."""

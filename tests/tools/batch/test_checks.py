@@ -141,14 +141,13 @@ def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypat
 
     monkeypatch.setattr(offline, "kernels_to_compile", lambda *settings: missing)
     monkeypatch.setattr(product, "compile_all", compile_all)
-    monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
     notes: list[str] = []
     product.compile_ahead([offline.PAPER], 1, StageProgress(note=notes.append))
     assert (notes, compiled) == ([], [])
     product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
     assert compiled == [("one", 2), ("two", 2), ("three", 2)]
     assert notes[0].startswith("compiling the renderer for this processor")
-    assert notes[-1] == "compiled kernel 3 of 3: compiling"
+    assert len(notes) == 1
     missing.clear()
     product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
     assert len(compiled) == 3

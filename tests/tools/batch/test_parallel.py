@@ -1,5 +1,6 @@
 """Work in parallel: each item once, a dead process costs one, none left behind; and several commands in one folder."""
 
+import multiprocessing
 import os
 import signal
 import time
@@ -70,6 +71,14 @@ def test_a_process_that_is_killed_costs_one_item() -> None:
     assert found == {item: item for item in range(8) if item != 5}
     assert isinstance(killed, PanchromaError)
     assert str(killed) == ("its process was killed, most likely for want of memory; use fewer `jobs`")
+
+
+def test_processes_that_die_before_they_have_an_item_are_started_again() -> None:
+    with processes(2, "") as executor:
+        for child in multiprocessing.active_children():
+            child.kill()
+        found: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
+    assert {item: result[0] for item, result in found.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
 def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(

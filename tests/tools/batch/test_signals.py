@@ -12,7 +12,7 @@ from tests.tools.command import spawn
 from tools.batch.console import Console
 from tools.batch.jobs import Job, Outcome, run_jobs
 from tools.batch.progress import StageProgress
-from tools.batch.signals import Terminated, deferred_signals, orderly_end
+from tools.batch.signals import Terminated, orderly_end
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
@@ -51,15 +51,6 @@ def test_a_signal_inside_a_callback_from_c_is_not_lost() -> None:
     with pytest.raises(Terminated), orderly_end():  # noqa: PT012
         callback()
         time.sleep(10)
-
-
-def test_a_process_is_complete_before_a_signal_arrives() -> None:
-    arrived = []
-    with pytest.raises(Terminated), orderly_end(), deferred_signals():  # noqa: PT012
-        for number in (signal.SIGTERM, signal.SIGINT):
-            os.kill(os.getpid(), number)
-        arrived.append("complete")
-    assert arrived == ["complete"]
 
 
 def test_who_has_decided_otherwise_is_obeyed() -> None:

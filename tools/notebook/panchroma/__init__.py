@@ -36,7 +36,7 @@ cameras; `panchroma --help` lists it. `shared` and `offline` are the libraries u
 """
 
 from shared.errors import PanchromaError as PanchromaError
-from tools.batch.in_memory import program_version
+from tools.io.versions import program_version
 
 from .pictures import Image, Picture, to_srgb
 from .quality import Evaluation, evaluate

@@ -12,7 +12,7 @@ import numpy as np
 
 from shared import CaptureMetadata, Mosaic, SensorCalibration
 from shared.errors import InputError
-from tools.batch.in_memory import missing_package
+from tools.batch.console import fault
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -60,6 +60,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*arguments, **named)
         except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(missing_package(error), name=error.name) from None
+            raise ModuleNotFoundError(fault(error), name=error.name) from None
 
     return call

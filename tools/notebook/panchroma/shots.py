@@ -22,7 +22,7 @@ from .arguments import check_argument, checked
 from .pictures import Image, Picture
 
 if TYPE_CHECKING:
-    from tools.batch.in_memory import RenderSettings, Stages
+    from offline import RenderSettings, Stages
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
