@@ -35,7 +35,8 @@ from ..numerics.linked import TILE, Prior, link, solve, tiles_of
 from ..numerics.solvers import report
 from ..parts import DARK, Look, Part, RowStage
 from .agree import FILL_ERROR, NEIGHBOURHOOD
-from .align import TINY, in_reference
+from .align import TINY
+from .motion import in_reference
 from .select import Kept
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
