@@ -7,7 +7,7 @@ from .render import row_stages
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_checks.py` measures again).
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures again).
 _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, what replaces them, and where light is lost
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
 _SITE = 10.0  # per colour site, kept until the picture is finished: samples and what is known of them

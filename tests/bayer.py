@@ -3,8 +3,8 @@
 import numpy as np
 
 from shared.arrays import FloatArray
-from tools.camera.bayer import sample_bayer
-from tools.camera.protocols import PaperProtocol
+from tools.simulation.bayer import sample_bayer
+from tools.simulation.protocols import PaperProtocol
 
 
 def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator) -> FloatArray:

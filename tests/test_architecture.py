@@ -1,16 +1,13 @@
-"""Which package may import which, and which room of `tools` may import which: every arrow points down.
+"""Which package may import which, and which layer of `tools` may import which: every arrow points down.
 
 The imports are read from the source, those inside functions too.
 """
 
 import ast
-import io
 import re
 import sys
-import tokenize
 from collections.abc import Iterator
 from functools import cache
-from graphlib import TopologicalSorter
 
 import pytest
 
@@ -25,26 +22,16 @@ MAY_IMPORT = {
     "tools": {"tools", "device", "offline", "shared"},
 }
 OURS = {*MAY_IMPORT, "panchroma", "tests"}  # the last two are at the top: nobody imports them
-# The rooms of `tools`, from the ground up. Rooms on one floor (rendering, calibration, evaluation, live, training) do not import
-# each other.
-_BELOW = {"host", "scenes", "camera", "pictures"}
-ROOMS = {
-    "host": {"host"},
-    "scenes": {"scenes"},
-    "camera": {"camera", "scenes"},
-    "pictures": {"pictures", "scenes", "host"},
-    "rendering": {"rendering", *_BELOW},
-    "calibration": {"calibration", "scenes", "pictures", "host"},
-    "evaluation": {"evaluation", *_BELOW},
-    "live": {"live", *_BELOW},
-    "training": {"training", *_BELOW},
-    "cli": {"host"},  # it imports the commands by name
-    "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
-    "notebook": {"notebook", "rendering", "evaluation", *_BELOW},  # `import panchroma`
-}
+# The layers of `tools`, from the ground up: a module imports from its own layer and from those below.
+LAYERS = (
+    {"io", "simulation"},
+    {"batch", "calibration", "evaluation", "capture", "training"},
+    {"cli", "commands", "notebook"},
+)
+LAYER_OF = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 DATA = {"centre"}  # words in backquotes that are no arguments: of the file on motions
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools
-FORWARD = ("tools.camera.sensor", "tools.pictures.display", "tools.scenes.colour")  # but for what makes and shows their pictures
+FORWARD = ("tools.simulation.sensor", "tools.io.display", "tools.io.colour")  # but for what makes and shows their pictures
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
@@ -54,7 +41,7 @@ ONLY_IN = {
     "numba": ("offline.numerics",),
     "llvmlite": ("offline.numerics",),
     "onnxruntime": ("shared.runtime",),
-    "gi": ("tools.live.genicam",),
+    "gi": ("tools.capture.genicam",),
 }
 
 
@@ -102,8 +89,8 @@ def violations(module: str, text: str) -> list[str]:
         target = name.partition(".")[0]
         if target in OURS and target not in MAY_IMPORT[package]:
             found.append(f"{module} imports {name}: {package} may import only {', '.join(sorted(MAY_IMPORT[package]))}")
-        elif target == package == "tools" and room(module) in ROOMS and room(name) not in ROOMS[room(module)]:
-            found.append(f"{module} imports {name}: of tools it may import only {', '.join(sorted(ROOMS[room(module)]))}")
+        elif target == package == "tools" and LAYER_OF.get(room(name), 0) > LAYER_OF.get(room(module), len(LAYERS)):
+            found.append(f"{module} imports {name}, which is in a layer above")
         elif target in ONLY_IN and not any(f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]):
             found.append(f"{module} imports {name}: only {', '.join(ONLY_IN[target])} may")
         elif target not in OURS | set(sys.stdlib_module_names) | set(ONLY_IN) and target not in THIRD_PARTY.get(package, {target}):
@@ -115,30 +102,8 @@ def test_every_arrow_is_in_the_diagram() -> None:
     assert [fault for module, text in sources() for fault in violations(module, text)] == []
 
 
-def test_every_module_of_tools_is_in_a_room() -> None:
-    assert {room(module) for module, _ in sources() if module.startswith("tools.")} - {"__init__"} == set(ROOMS)
-
-
-def test_the_house_can_be_drawn_on_a_page() -> None:
-    """Few rooms, few arrows between them, and an order of floors in which every arrow points down."""
-    arrows: dict[str, set[str]] = {}
-    for module, text in sources():
-        if module == "tools.__init__":
-            continue
-        targets = {room(name) for name in imported(module, text) if name.partition(".")[0] in OURS}
-        arrows.setdefault(room(module), set()).update(targets - {room(module), "__init__"})
-    floors = list(TopologicalSorter(arrows).static_order())  # raises CycleError where an arrow points up
-    assert len(floors) <= 15
-    assert sum(map(len, arrows.values())) <= 49
-
-
-def code_lines(text: str) -> set[int]:
-    """The numbers of the lines with code: neither docstrings nor comments, nor blank."""
-    texts = (node for node in nodes(text) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
-    documented = {line for node in texts for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)}
-    blank = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-    tokens = (token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in blank)
-    return {line for token in tokens for line in range(token.start[0], token.end[0] + 1)} - documented
+def test_every_module_of_tools_is_in_a_layer() -> None:
+    assert {room(module) for module, _ in sources() if module.startswith("tools.")} - {"__init__"} == set(LAYER_OF)
 
 
 def texts(text: str) -> Iterator[str]:
@@ -217,11 +182,10 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
         ("shared.dng.file", "from ...device import runtime"),
         ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
         ("device.preview", "__import__('scipy')"),
-        ("tools.scenes.load", "from ..pictures.kind import PictureKind"),
-        ("tools.rendering.run", "from tools.evaluation.study import Study"),
-        ("tools.cli", "from tools.pictures import kind"),
-        ("tools.rendering.run", "from tools.notebook.panchroma import shots"),
-        ("tools.notebook.panchroma.shots", "from tools.calibration import measure"),
+        ("tools.io.picture", "from ..batch.jobs import own_file"),
+        ("tools.simulation.load", "from tools.evaluation.study import Study"),
+        ("tools.batch.run", "from tools.notebook.panchroma import shots"),
+        ("tools.calibration.measure", "from tools.commands import calibrate"),
     ],
 )
 def test_a_planted_import_is_caught(module: str, text: str) -> None:

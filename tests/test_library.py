@@ -55,7 +55,7 @@ said("import")
 """
 WORK = """
 from offline.burst import merge_burst, render_burst_bands
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 scene = np.full((48, 60, 3), 0.3, np.float32)
 scene[:, 30:] = 0.5, 0.2, 0.1
 calibration = shared.SensorCalibration.of_bits(12)

@@ -15,9 +15,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
-from tools.host.signals import INTERRUPTED, Terminated, orderly_end
-from tools.host.versions import program_version
+from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
+from tools.batch.signals import INTERRUPTED, Terminated, orderly_end
+from tools.io.versions import program_version
 
 # Verb -> what it does. Each is a module of `tools.commands` (with _ for -) that has `add_arguments(parser)` and `run(arguments,
 # console)`, which returns the exit code. Only the one that is asked for is imported, so that --help is fast.
@@ -162,7 +162,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 code = verb.run(parsed, console)
             finally:
                 if code:
-                    from tools.host.jobs import remove_unused_folders  # not at the top: it imports NumPy
+                    from tools.batch.jobs import remove_unused_folders  # not at the top: it imports NumPy
 
                     remove_unused_folders()
                 console.close()

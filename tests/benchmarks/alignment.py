@@ -25,9 +25,9 @@ from shared import Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tests.benchmarks.harness import PATTERN, options, photographs
-from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
-from tools.camera.sensor import simulate_additive, simulate_sensor
-from tools.scenes.load import load_scene
+from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 CALIBRATION = SensorCalibration.of_bits(12, headroom=False)
 PIXELS, DEGREES = 3.0, 0.3

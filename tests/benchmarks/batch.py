@@ -24,13 +24,13 @@ from shared import Mosaic, SensorCalibration, write_dng
 from tests.benchmarks.harness import PATTERN
 from tests.dask_cluster import cluster
 from tests.tools.command import start
-from tools.camera.sensor import simulate_additive
-from tools.host.jobs import Job
-from tools.host.progress import StageProgress
-from tools.pictures.development import write_picture
-from tools.pictures.kind import PictureKind
-from tools.rendering.order import Order
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.batch.jobs import Job
+from tools.batch.order import Order
+from tools.batch.progress import StageProgress
+from tools.io.development import write_picture
+from tools.io.kind import PictureKind
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive
 
 SMALL, COUNT = (300, 200), 1000
 MEGAPIXEL = (1200, 800)

@@ -16,8 +16,8 @@ import numpy as np
 from offline.burst import Motion, View, align, in_frame, in_reference
 from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
-from tools.camera.bayer import channel_map
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from tools.simulation.bayer import channel_map
 
 _ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread

@@ -36,14 +36,14 @@ from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst
 from tests.benchmarks.harness import PATTERN, options, photographs
-from tools.camera.burst import SimulatedBurst, burst_frames
-from tools.camera.protocols import PaperProtocol
-from tools.camera.sensor import simulate_additive
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr
-from tools.host.versions import package_version
-from tools.scenes.load import load_scene
+from tools.io.versions import package_version
+from tools.simulation.burst import SimulatedBurst, burst_frames
+from tools.simulation.load import load_scene
+from tools.simulation.protocols import PaperProtocol
+from tools.simulation.sensor import simulate_additive
 
 REDUCED, LEAST = 2, 300
 STEPS = list(product((0, -2, 2), repeat=2))  # of pixel shift, down and right, pixels, the reference first

@@ -8,10 +8,10 @@ from offline import render
 from offline.burst import merge_burst, render_burst_bands
 from shared import SensorCalibration
 from tests.benchmarks.harness import PATTERN, middle
-from tools.camera.burst import SimulatedBurst, burst_frames
-from tools.camera.sensor import simulate_additive
 from tools.evaluation.metrics import psnr
-from tools.scenes.load import load_scene
+from tools.simulation.burst import SimulatedBurst, burst_frames
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
 _SIGMAS = (0.0, 0.01, 0.03)
 _SIDE, _BORDER = 640, 15  # pixels: of the part of the scene, at full size; at the frame's edges, left out

@@ -14,8 +14,8 @@ from tests.data import DATA
 from tests.tools.calibration.known_camera import REFERENCE
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
-from tools.camera.sensor import simulate_additive
-from tools.scenes.load import load_scene
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
 CHARTS = (
     "chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng",

@@ -34,7 +34,7 @@ from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng
 from tests.benchmarks.harness import Frame, Work, alternate
 from tests.tools.command import start
-from tools.live.viewfinder import _jpeg
+from tools.capture.viewfinder import _jpeg
 
 WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
 STRIDES = {"u16": 8128, "raw12": 6112, "raw10": 5120}  # of an IMX477 on a Raspberry Pi

@@ -32,9 +32,9 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.benchmarks.harness import PATTERN, middle, options
 from tests.data import ROOT
-from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.metrics import BORDER, psnr, quality
-from tools.scenes.load import load_scene
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 SIDE = 168  # pixels: a whole number of periods, and large enough for a burst to align
 FACTORS = (0.5, 2.0)

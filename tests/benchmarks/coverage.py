@@ -19,11 +19,11 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, true_place
+from tools.batch.console import Console
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.session import Session
-from tools.host.console import Console
-from tools.scenes.drawn.charts import chart_scene
+from tools.simulation.drawn.charts import chart_scene
 
 SHAPE = (400, 600)
 KINDS = (

@@ -14,10 +14,10 @@ from offline import BEST, PAPER, render
 from shared import Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from tests.benchmarks.harness import PATTERN, options
-from tools.camera.sensor import simulate_additive, simulate_sensor
-from tools.pictures.display import ColourTransform
-from tools.pictures.samples import quantise
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.io.display import ColourTransform
+from tools.io.samples import quantise
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 SIZE = 1200, 800
 CROPS = ((655, 912), (560, 1020), (595, 690), (300, 300))  # row, column

@@ -18,10 +18,10 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.bayer import bayer_mosaic
 from tests.data import DATA
-from tools.camera.sensor import simulate_additive
 from tools.evaluation.rivals.integers import Levels
-from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.load import load_scene
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
 if TYPE_CHECKING:
     from offline import RenderSettings

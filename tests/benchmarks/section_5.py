@@ -24,17 +24,17 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.benchmarks.harness import PATTERN, options
-from tools.camera.filters import filters_for
-from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
-from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import BORDER, quality
 from tools.evaluation.rivals.planes import denoised_planes, planes
 from tools.evaluation.scene_sets import cut
-from tools.scenes.drawn.spectral import BANDS
-from tools.scenes.load import load_scene
-from tools.scenes.scene import Scene
+from tools.io.scene import Scene
+from tools.simulation.drawn.spectral import BANDS
+from tools.simulation.filters import filters_for
+from tools.simulation.load import load_scene
+from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.simulation.simulated_camera import SimulatedCamera
 
 OF_STEPS = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps

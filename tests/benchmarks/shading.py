@@ -22,11 +22,11 @@ from shared.colorimetry import SRGB_TO_XYZ
 from tests.benchmarks.harness import PATTERN, SEED, Corners, compare, photographed
 from tests.tools.calibration.known_camera import stating
 from tools.calibration.shading import measure_shading
-from tools.camera.lens import lens_shading
-from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.metrics import patch_psnr
-from tools.pictures.colour_difference import delta_e_2000
-from tools.scenes.colour import xyz_to_lab
+from tools.io.colour import xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
+from tools.simulation.lens import lens_shading
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out

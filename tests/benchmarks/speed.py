@@ -32,8 +32,8 @@ from shared.dng import decode_dng, encode_dng
 from shared.processors import processors
 from shared.progress import Progress
 from tests.benchmarks.harness import Frame, Work, alternate, options
-from tools.host.versions import package_version, program_version
-from tools.host.worker import THREAD_VARIABLES
+from tools.batch.worker import THREAD_VARIABLES
+from tools.io.versions import package_version, program_version
 
 _PRESETS = "paper", "best"
 
@@ -127,8 +127,8 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 def render_file(shot: Path, preset: str) -> None:
     """Render a DNG to a TIFF of 16 bits beside it."""
     from offline import PRESETS, render_bands, threads
-    from tools.pictures.development import Development, write_picture
-    from tools.pictures.kind import PictureKind
+    from tools.io.development import Development, write_picture
+    from tools.io.kind import PictureKind
 
     mosaic = read_dng(shot)
     development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tests.data import ROOT
-from tools.rendering.journal import NAME as JOURNAL
+from tools.batch.journal import NAME as JOURNAL
 
 _PROGRAM = "from tools.cli import main; main()"
 # Counts the program's operations on files below a folder, and kills it before the N-th: wherever a file may be incomplete.

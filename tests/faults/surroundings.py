@@ -13,8 +13,8 @@ from pathlib import Path
 
 from tests.faults.scenario import Scenario
 from tests.faults.trials import ENDS, ended, state
-from tools.rendering.journal import NAME as JOURNAL
-from tools.rendering.journal import lock_path
+from tools.batch.journal import NAME as JOURNAL
+from tools.batch.journal import lock_path
 
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root

@@ -25,11 +25,11 @@ from shared.dng import encode_dng, verify_dng
 from shared.errors import InputError
 from tests.fuzz.forged import SIDE, Fields, chunk, entries_of, exr, npy, picture, png, tiff
 from tests.shared.dng.examples import mosaic, preview
+from tools.batch.defect_list import read_defects
+from tools.batch.journal import NAME as JOURNAL
+from tools.batch.journal import Journal
 from tools.calibration.reference import read_reference
-from tools.rendering.defect_list import read_defects
-from tools.rendering.journal import NAME as JOURNAL
-from tools.rendering.journal import Journal
-from tools.scenes.load import load_scene
+from tools.simulation.load import load_scene
 
 LIMIT_SECONDS = 1.0
 LIMIT_BYTES = 300 * 2**20

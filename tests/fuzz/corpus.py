@@ -22,16 +22,16 @@ from tests.device.packer import pack, random_codes
 from tests.fuzz.forged import npy
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.calibration.known_camera import chart, frame, true_place
-from tests.tools.pictures.examples import encode_picture
+from tests.tools.io.examples import encode_picture
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.files import read_known
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.reference import read_reference, ti3
 from tools.commands.calibrate import color_checker_xyz
-from tools.pictures.development import Development
-from tools.pictures.kind import PictureKind
-from tools.scenes.load import load_scene
+from tools.io.development import Development
+from tools.io.kind import PictureKind
+from tools.simulation.load import load_scene
 
 Read = Callable[[Path], Any]
 """Reads a file. Two results are equal exactly when the same was read."""

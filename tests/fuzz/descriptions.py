@@ -16,8 +16,8 @@ from shared import CfaPattern, SensorCalibration
 from shared.errors import InputError
 from tests.device.packer import pack
 from tests.fuzz.sweep import sweep
-from tools.camera.sensor import simulate_additive
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive
 
 RIGHT, REFUSED, REMARK, SILENT = "right", "refused", "remark", "SILENT"
 WRONG = ("stride", "width", "padding", "format", "period", "origin", "diagonal", "bits", "height", "packing", "everything")

@@ -24,11 +24,11 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tests.fuzz.sweep import sweep
-from tools.camera.protocols import PaperProtocol
-from tools.camera.sensor import sample, simulate_additive, simulate_sensor
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
+from tools.simulation.protocols import PaperProtocol
+from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview", "evaluate")

@@ -19,8 +19,8 @@ from offline.version import ALGORITHM
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.scenes import leaves
-from tools.camera.sensor import simulate_additive
-from tools.pictures.display import ColourTransform
+from tools.io.display import ColourTransform
+from tools.simulation.sensor import simulate_additive
 
 PRESETS = {"paper": PAPER, "best": BEST}
 _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))

@@ -11,7 +11,7 @@ import offline
 from offline.ahead import used_kernels
 from offline.numerics.compile import kernels
 from shared import CfaPattern, SensorCalibration
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 scene = np.full((90, 120, 3), 0.3, np.float32)
 scene[20:50, 30:70] = 2  # clipped

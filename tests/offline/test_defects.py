@@ -14,7 +14,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from tests.offline.scenes import every_case, shot
 from tests.offline.stage_tests import StageTests
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 SETTINGS = BEST.defects
 LISTED = replace(SETTINGS, contrast=0.0)

@@ -14,7 +14,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from tests.scenes import leaves
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 # As a lens shows them: it has learned from what is seen through one.
 LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))

@@ -15,8 +15,8 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.white_balance import clipped_share, raised_to_white
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.offline.stage_tests import StageTests
-from tools.camera.sensor import simulate_sensor
-from tools.pictures.display import ColourTransform
+from tools.io.display import ColourTransform
+from tools.simulation.sensor import simulate_sensor
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0

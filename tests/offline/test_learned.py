@@ -22,7 +22,7 @@ from shared.runtime import onnxruntime
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
 from tests.scenes import leaves
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()

@@ -17,7 +17,7 @@ from tests.offline.scenes import cleaned, gamma_of, sampled, shot
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 BAYER = CfaPattern.bayer(6)
 WHITE, BLACK, RED = np.full(3, 0.8), np.full(3, 0.06), np.array([0.5, 0.05, 0.05])

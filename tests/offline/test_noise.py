@@ -12,7 +12,7 @@ from offline.stages.noise import NoiseSettings, estimate_noise, with_noise
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import CASES, shot
-from tools.camera.sensor import sample
+from tools.simulation.sensor import sample
 
 # Of the standard deviation: what 600 x 400 pixels tell.
 ACCURACY = 0.12

@@ -18,7 +18,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import sampled, shot
 from tests.reference.sensor import luminance_of
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
 TILES = ["WBWG/BWGW/WGWR/GWRW", "RGB/WWW/GRR", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]

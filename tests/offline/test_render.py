@@ -25,7 +25,7 @@ from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5

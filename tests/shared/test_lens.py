@@ -17,7 +17,7 @@ from shared.errors import InputError
 from shared.shading import basis
 from shared.white_balance import estimate_neutral
 from tests.scenes import darker_corners
-from tools.camera.sensor import sample, simulate_additive, simulate_sensor
+from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 SHAPE = (61, 90)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))

@@ -6,8 +6,8 @@ import pytest
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.colorimetry import D50, SRGB_TO_XYZ
 from shared.white_balance import balanced, estimate_neutral
-from tools.camera.sensor import simulate_additive
-from tools.pictures.display import ColourTransform
+from tools.io.display import ColourTransform
+from tools.simulation.sensor import simulate_additive
 
 CAMERA = SensorCalibration.of_bits(12)
 LIGHT = (0.45, 1.0, 0.62)

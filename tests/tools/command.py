@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.data import ROOT
+from tools.batch.journal import NAME as JOURNAL
 from tools.cli import main
-from tools.rendering.journal import NAME as JOURNAL
 
 SCRIPT = "from tools.cli import main; main()"
 PROGRAM = (sys.executable, "-c", SCRIPT)

@@ -14,8 +14,8 @@ from shared.errors import ConvergenceError, InputError
 from tests.data import ROOT
 from tests.tools.command import assert_refused, names, results, run, spawn
 from tools import cli
+from tools.batch.progress import LineProgress
 from tools.commands import inspect
-from tools.host.progress import LineProgress
 
 SHOT = "builtin-24x18.dng"
 
@@ -220,7 +220,7 @@ def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: 
 
 def test_an_interrupt_does_not_wait_for_a_shot_to_be_decoded(shots: Path, tmp_path: Path) -> None:
     script = (
-        "import os, signal, time; from tools import cli; from tools.rendering.order import Order\n"
+        "import os, signal, time; from tools import cli; from tools.batch.order import Order\n"
         "def stuck(*_):\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(1000)\n"
         "Order.open = stuck; cli.main()"
     )

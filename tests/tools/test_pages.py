@@ -13,6 +13,7 @@ from tests.browser import Browser
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
 from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
+from tools.batch.html import without_folders
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
@@ -23,7 +24,6 @@ from tools.evaluation.page.gallery import WHY_AHEAD, WHY_PATTERNS, Crop, Exhibit
 from tools.evaluation.page.page import build_page
 from tools.evaluation.study import Study
 from tools.evaluation.tiles import Tile
-from tools.pictures.html import without_folders
 
 HARMLESS = "a"
 HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""  # may be the name of a file

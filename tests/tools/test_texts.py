@@ -5,11 +5,11 @@ import pytest
 
 from shared import read_camera
 from shared.errors import InputError
+from tools.batch.cluster import _written_address
+from tools.batch.defect_list import read_defects
 from tools.calibration.reference import read_reference, ti3
-from tools.camera.pattern_text import read_pattern
 from tools.commands.calibrate import color_checker_xyz
-from tools.host.cluster import _written_address
-from tools.rendering.defect_list import read_defects
+from tools.simulation.pattern_text import read_pattern
 
 
 def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import D50, SRGB_TO_XYZ, xyz
 from shared.errors import InputError
 from shared.lights import illuminant_xy
-from tools.pictures.colour_difference import delta_e_2000, lab_slopes
-from tools.scenes.colour import xyz_to_lab
+from tools.io.colour import xyz_to_lab
+from tools.io.colour_difference import delta_e_2000, lab_slopes
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 

@@ -9,9 +9,9 @@ from typing import Any
 from shared import Camera, Mosaic, read_camera
 from shared.errors import InputError, OutputError
 from shared.writing import write_durably
-from tools.host.backup import keep_old
-from tools.host.folders import DNGS, Search, search
-from tools.host.jobs import identity
+from tools.batch.folders import DNGS, Search, search
+from tools.batch.jobs import identity
+from tools.io.backup import keep_old
 
 from .gamma import Assumed
 

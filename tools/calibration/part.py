@@ -14,10 +14,10 @@ import numpy as np
 from shared import Camera, SensorCalibration
 from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ
-from tools.pictures.html import cell, row
-from tools.pictures.html import table as table_of
-from tools.pictures.plot import Plot, Span, round_step, ticks
-from tools.scenes.colour import encode_srgb, lab_to_xyz
+from tools.batch.html import cell, row
+from tools.batch.html import table as table_of
+from tools.batch.plot import Plot, Span, round_step, ticks
+from tools.io.colour import encode_srgb, lab_to_xyz
 
 from .gamma import Assumed, GammaFit
 from .observations import Observations

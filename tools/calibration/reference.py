@@ -10,8 +10,8 @@ from scipy.optimize import linear_sum_assignment
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.reading import MAX_DOCUMENT, read_text
-from tools.pictures.colour_difference import delta_e_2000
-from tools.scenes.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
 
 from .chart.place import COLUMNS, NAMES, PATCHES
 

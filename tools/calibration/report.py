@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
 
-from tools.pictures.html import bullets
-from tools.pictures.html import report as page
+from tools.batch.html import bullets
+from tools.batch.html import report as page
 
 from .measure import Conclusion
 

@@ -11,11 +11,11 @@ from shared import Camera, Mosaic, SensorCalibration, read_dng
 from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError, PanchromaError
-from tools.host.console import Console
-from tools.host.jobs import reason
-from tools.host.progress import StageProgress
-from tools.host.work import Here, Workers, follow
-from tools.pictures.html import without_folders
+from tools.batch.console import Console
+from tools.batch.html import without_folders
+from tools.batch.jobs import reason
+from tools.batch.progress import StageProgress
+from tools.batch.work import Here, Workers, follow
 
 from .content import check_dark, check_flat, why_no_chart
 from .dark_frames import measure_dark

@@ -11,15 +11,15 @@ import argparse
 
 from shared import read_dng
 from shared.errors import InputError
-from tools.host.console import Console
-from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED, Job, do_jobs, identity, possible_jobs
-from tools.host.memory import share_one_heap
-from tools.host.progress import StageProgress
-from tools.rendering.burst import BurstOrder
-from tools.rendering.burst_files import series, series_stem
-from tools.rendering.compilation import limit_threads
-from tools.rendering.run import passes
+from tools.batch.burst import BurstOrder
+from tools.batch.burst_files import series, series_stem
+from tools.batch.compilation import limit_threads
+from tools.batch.console import Console
+from tools.batch.folders import DNGS, search
+from tools.batch.jobs import FAILED, Job, do_jobs, identity, possible_jobs
+from tools.batch.memory import share_one_heap
+from tools.batch.progress import StageProgress
+from tools.batch.run import passes
 
 from .options import add, numbers, option
 from .picture_options import add_picture, add_run, order_fields

@@ -19,10 +19,10 @@ from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.lights import check_apart, illuminant_xy
 from shared.writing import write_durably
-from tools.host.console import Console
-from tools.host.jobs import FAILED, output_folder, refuse_existing
-from tools.host.versions import program_version
-from tools.scenes.colour import lab_to_xyz
+from tools.batch.console import Console
+from tools.batch.jobs import FAILED, output_folder, refuse_existing
+from tools.io.colour import lab_to_xyz
+from tools.io.versions import program_version
 
 from .options import add, numbers, option, text
 
@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def color_checker_xyz() -> DoubleArray:
     """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    from tools.scenes.drawn.charts import COLOR_CHECKER_LAB
+    from tools.simulation.drawn.charts import COLOR_CHECKER_LAB
 
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 

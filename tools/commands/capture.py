@@ -16,13 +16,13 @@ import resource
 from contextlib import closing
 
 from shared.errors import InputError, OutputError
-from tools.host.console import Console
-from tools.host.jobs import FAILED, output_folder
-from tools.host.memory import allowed_memory, format_bytes
-from tools.host.signals import Stopping
-from tools.live.doubtful import DoubtfulShots
-from tools.live.recorder import Recorder
-from tools.live.source import FrameSource
+from tools.batch.console import Console
+from tools.batch.jobs import FAILED, output_folder
+from tools.batch.memory import allowed_memory, format_bytes
+from tools.batch.signals import Stopping
+from tools.capture.doubtful import DoubtfulShots
+from tools.capture.recorder import Recorder
+from tools.capture.source import FrameSource
 
 from .frame_options import add_source, source_of
 from .options import add, count, option

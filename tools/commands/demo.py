@@ -21,22 +21,22 @@ from shared.dng import read_preview
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
-from tools.camera.bayer import sample_bayer
-from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
-from tools.camera.protocols import PaperProtocol
-from tools.camera.simulated_camera import SimulatedCamera
+from tools.batch.console import Console
+from tools.batch.in_memory import merged_picture, renderings
+from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
+from tools.batch.previews import Previews
+from tools.batch.progress import StageProgress
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.host.console import Console
-from tools.host.jobs import Job, Outcome, output_folder, run_jobs
-from tools.host.progress import StageProgress
-from tools.pictures.development import Development, write_picture
-from tools.pictures.display import ColourTransform
-from tools.pictures.kind import PictureKind
-from tools.pictures.previews import Previews
-from tools.rendering.in_memory import merged_picture, renderings
-from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.scene import Scene
+from tools.io.development import Development, write_picture
+from tools.io.display import ColourTransform
+from tools.io.kind import PictureKind
+from tools.io.scene import Scene
+from tools.simulation.bayer import sample_bayer
+from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.protocols import PaperProtocol
+from tools.simulation.simulated_camera import SimulatedCamera
 
 from .options import add, count, factor, option
 
@@ -102,7 +102,7 @@ class _Demo:
         write_durably(preview, read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
         self.console.note(f"the camera's own preview is ready: {preview}")
 
-        from tools.pictures.illustrations import overview
+        from tools.io.illustrations import overview
 
         with self.console.progress("demo") as progress:
             paper, best = renderings(mosaic, ("paper", "best"), progress)
@@ -145,7 +145,7 @@ class _Demo:
             write_picture(self.folder / name, [rgb], development, overwrite=self.overwrite)
 
     def _compare(self, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: dict[str, tuple[int, int]]) -> None:
-        from tools.pictures.illustrations import comparison
+        from tools.io.illustrations import comparison
 
         shown = ColourTransform.to_space(mosaic.calibration)
         self._draw("comparison.png", comparison({name: shown.apply(rgb) for name, rgb in pictures.items()}, crops))

@@ -21,12 +21,12 @@ from pathlib import Path
 from shared.errors import DurabilityWarning, PanchromaError
 from shared.processors import processors
 from shared.writing import sync_folder, write_durably
-from tools.host.console import Console
-from tools.host.font_folder import temporary_font_folder
-from tools.host.jobs import FAILED
-from tools.host.memory import available_memory
-from tools.host.versions import package_version, program_version
-from tools.rendering.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
+from tools.batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
+from tools.batch.console import Console
+from tools.batch.jobs import FAILED
+from tools.batch.memory import available_memory
+from tools.commands.font_folder import temporary_font_folder
+from tools.io.versions import package_version, program_version
 
 from .options import add, option
 
@@ -181,8 +181,8 @@ def _preview() -> Iterator[Finding]:
         import numpy as np
 
         from shared import CfaPattern, SensorCalibration
-        from tools.camera.sensor import simulate_additive
-        from tools.pictures.previews import Previews
+        from tools.batch.previews import Previews
+        from tools.simulation.sensor import simulate_additive
 
         wall = np.full((24, 24, 3), 0.3, np.float32)
         mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))

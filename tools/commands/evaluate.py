@@ -15,15 +15,15 @@ from shared.pattern import PERIODS
 from shared.processors import processors
 from shared.tiles import TILES
 from shared.writing import write_durably
-from tools.camera.pattern_text import read_pattern
+from tools.batch.cluster import SchedulerGoneError, absolute_path, connected
+from tools.batch.console import Console
+from tools.batch.jobs import FAILED, output_folder, refuse_existing
+from tools.batch.memory import allowed_memory
+from tools.commands.font_folder import temporary_font_folder
 from tools.evaluation.figures import Figures
 from tools.evaluation.report import plain_text
-from tools.host.cluster import SchedulerGoneError, absolute_path, connected
-from tools.host.console import Console
-from tools.host.font_folder import temporary_font_folder
-from tools.host.jobs import FAILED, output_folder, refuse_existing
-from tools.host.memory import allowed_memory
-from tools.host.versions import program_version
+from tools.io.versions import program_version
+from tools.simulation.pattern_text import read_pattern
 
 from .options import add, add_protocol, count, option, protocol_of, uses_scheduler
 
@@ -65,12 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
+    from tools.batch.html import without_folders
     from tools.evaluation.page.gallery import render_gallery
     from tools.evaluation.page.page import build_page
     from tools.evaluation.study import FOLDER, Cache, collect, tasks
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
-    from tools.pictures.html import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if not arguments.no_page or name != _PAGE]

@@ -6,10 +6,10 @@ from typing import Any
 
 from shared import Camera, CfaPattern
 from shared.errors import InputError
-from tools.host.console import to_stdout
-from tools.host.signals import starting_service
-from tools.live.genicam import GENICAM, connected
-from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
+from tools.batch.console import to_stdout
+from tools.batch.signals import starting_service
+from tools.capture.genicam import GENICAM, connected
+from tools.capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
 from .options import add, amount, camera_of, factor, option
 

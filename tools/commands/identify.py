@@ -16,15 +16,15 @@ import numpy as np
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.writing import write_durably
-from tools.host.console import Console
-from tools.host.folders import Source, plan
-from tools.host.jobs import Job, Outcome, output_folder, run_jobs
-from tools.host.progress import StageProgress
-from tools.live.identification import facts_of, first_frame, likely_reading
-from tools.live.source import STREAM, SourceOptions
-from tools.pictures.illustrations import tile_map
-from tools.scenes.camera_raw import NO_RAW
-from tools.scenes.load import sensor_samples
+from tools.batch.console import Console
+from tools.batch.folders import Source, plan
+from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
+from tools.batch.progress import StageProgress
+from tools.capture.identification import facts_of, first_frame, likely_reading
+from tools.capture.source import STREAM, SourceOptions
+from tools.io.camera_raw import NO_RAW
+from tools.io.illustrations import tile_map
+from tools.simulation.load import sensor_samples
 
 from .frame_options import LAYOUT, add_layout
 from .options import add, option

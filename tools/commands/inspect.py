@@ -18,11 +18,11 @@ from shared.dng import read_preview, verify_dng
 from shared.errors import ForeignFileError
 from shared.networks import network_for
 from shared.processors import processors
-from tools.host.console import Console
-from tools.host.folders import DNGS, Source, search
-from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
-from tools.host.progress import StageProgress
-from tools.host.work import Threads
+from tools.batch.console import Console
+from tools.batch.folders import DNGS, Source, search
+from tools.batch.jobs import FAILED, Job, Outcome, file_status, run_jobs
+from tools.batch.progress import StageProgress
+from tools.batch.work import Threads
 
 from .options import add, add_shots, option
 

@@ -13,9 +13,9 @@ from shared.errors import InputError
 from shared.pattern import PERIODS
 from shared.reading import MAX_PIXELS
 from shared.tiles import TILES
-from tools.camera.pattern_text import read_pattern
-from tools.camera.protocols import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
-from tools.host.memory import parse_bytes
+from tools.batch.memory import parse_bytes
+from tools.simulation.pattern_text import read_pattern
+from tools.simulation.protocols import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
 
 T = TypeVar("T")
 

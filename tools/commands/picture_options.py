@@ -6,11 +6,11 @@ from typing import Any
 
 from shared import read_camera
 from shared.errors import InputError
-from tools.host.jobs import output_folder
-from tools.pictures.formats import FORMATS, OTHER_NAMES
-from tools.pictures.kind import PictureKind
-from tools.rendering.defect_list import read_defects
-from tools.rendering.white_balance import WhiteBalance
+from tools.batch.defect_list import read_defects
+from tools.batch.jobs import output_folder
+from tools.batch.white_balance import WhiteBalance
+from tools.io.formats import FORMATS, OTHER_NAMES
+from tools.io.kind import PictureKind
 
 from .options import add, file_name, option
 

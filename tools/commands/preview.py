@@ -11,12 +11,12 @@ from pathlib import Path
 from shared import read_camera, read_dng
 from shared.errors import InputError
 from shared.writing import write_durably
-from tools.host.console import Console
-from tools.host.folders import DNGS, plan, search
-from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from tools.host.progress import StageProgress
-from tools.pictures.formats.jpg import check_quality, encode_jpeg
-from tools.pictures.previews import Previews, preview_graph
+from tools.batch.console import Console
+from tools.batch.folders import DNGS, plan, search
+from tools.batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from tools.batch.previews import Previews, preview_graph
+from tools.batch.progress import StageProgress
+from tools.io.formats.jpg import check_quality, encode_jpeg
 
 from .options import add, add_shots, file_name, option
 

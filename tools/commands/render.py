@@ -11,14 +11,14 @@ from pathlib import Path
 
 from shared.errors import InputError
 from shared.writing import sweep
-from tools.host.console import Console
-from tools.host.folders import DNGS, plan, search
-from tools.host.jobs import FAILED, Job, counted, do_jobs, possible_jobs
-from tools.host.memory import share_one_heap
-from tools.host.progress import StageProgress
-from tools.rendering.compilation import limit_threads
-from tools.rendering.order import Order
-from tools.rendering.run import Pass, passes, scheduled_passes, shard_of
+from tools.batch.compilation import limit_threads
+from tools.batch.console import Console
+from tools.batch.folders import DNGS, plan, search
+from tools.batch.jobs import FAILED, Job, counted, do_jobs, possible_jobs
+from tools.batch.memory import share_one_heap
+from tools.batch.order import Order
+from tools.batch.progress import StageProgress
+from tools.batch.run import Pass, passes, scheduled_passes, shard_of
 
 from .options import add, add_shots, option, uses_scheduler, value
 from .picture_options import add_picture, add_run, order_fields
@@ -86,7 +86,7 @@ def _made(jobs: Sequence[Job], through: Sequence[Pass], console: Console) -> boo
 
 def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Namespace, console: Console) -> bool:
     """Whether the workers of a scheduler have made all pictures."""
-    from tools.host.cluster import SchedulerGoneError, connected
+    from tools.batch.cluster import SchedulerGoneError, connected
 
     try:
         with connected(arguments.scheduler, arguments.scheduler_file) as client:

@@ -25,19 +25,19 @@ from shared import write_dng
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
-from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
-from tools.camera.lens import Lens
-from tools.camera.simulated_camera import BITS as DEFAULT_BITS
-from tools.camera.simulated_camera import Exposed, SimulatedCamera
-from tools.host.console import Console
-from tools.host.folders import plan, search
-from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from tools.host.progress import StageProgress
-from tools.host.work import Here
-from tools.pictures.development import Development, write_picture
-from tools.pictures.kind import PictureKind
-from tools.pictures.previews import Previews
-from tools.scenes.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
+from tools.batch.console import Console
+from tools.batch.folders import plan, search
+from tools.batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from tools.batch.previews import Previews
+from tools.batch.progress import StageProgress
+from tools.batch.work import Here
+from tools.io.development import Development, write_picture
+from tools.io.kind import PictureKind
+from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
+from tools.simulation.lens import Lens
+from tools.simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
+from tools.simulation.simulated_camera import BITS as DEFAULT_BITS
+from tools.simulation.simulated_camera import Exposed, SimulatedCamera
 
 from .options import add, add_protocol, camera_of, count, numbers, option, protocol_of
 

@@ -12,11 +12,11 @@ import threading
 from contextlib import closing
 
 from shared.errors import InputError
-from tools.host.console import Console, fault
-from tools.host.jobs import FAILED, output_folder
-from tools.host.signals import Stopping
-from tools.live.server import ViewfinderServer
-from tools.live.viewfinder import LiveView
+from tools.batch.console import Console, fault
+from tools.batch.jobs import FAILED, output_folder
+from tools.batch.signals import Stopping
+from tools.capture.server import ViewfinderServer
+from tools.capture.viewfinder import LiveView
 
 from .frame_options import add_source, source_of
 from .options import add, option, value

@@ -8,12 +8,12 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
-from tools.camera.bayer import channel_map, check_mosaic, sample_bayer
-from tools.camera.filters import Filters
-from tools.camera.protocols import Protocol
-from tools.camera.protocols.protocol import BayerShot
-from tools.camera.simulated_camera import SimulatedCamera
-from tools.scenes.scene import RGB, Scene
+from tools.io.scene import RGB, Scene
+from tools.simulation.bayer import channel_map, check_mosaic, sample_bayer
+from tools.simulation.filters import Filters
+from tools.simulation.protocols import Protocol
+from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.simulated_camera import SimulatedCamera
 
 from .tiles import filters_of
 

@@ -5,8 +5,8 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.white_balance import shades_of_grey
-from tools.pictures.colour_difference import delta_e_2000
-from tools.scenes.colour import xyz_to_lab
+from tools.io.colour import xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
 
 from .metrics import BORDER
 

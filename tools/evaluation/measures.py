@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from tools.scenes.scene import RGB
+from tools.io.scene import RGB
 
 from .hue import PLACES, colour_kept, uneven_hue, wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from shared.arrays import FloatArray
-from tools.host.versions import package_version
+from tools.io.versions import package_version
 
 from .cameras import CameraPair, Denoise, with_balance
 

@@ -10,7 +10,7 @@ from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.spelling import meant
-from tools.pictures.previews import linear_preview, preview_version
+from tools.batch.previews import linear_preview, preview_version
 
 from .method import Method
 from .rivals import demosaicnet, denoising, dlmmse, integers, interpolation, network, planes

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import nan
 from typing import TypeVar
 
-from tools.camera.protocols import Protocol
-from tools.host.console import one_line
-from tools.scenes.scene import RGB as RGB_CHANNELS
+from tools.batch.console import one_line
+from tools.io.scene import RGB as RGB_CHANNELS
+from tools.simulation.protocols import Protocol
 
 from .figures import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion, Figures, SetFigures
 from .hue import PLACES

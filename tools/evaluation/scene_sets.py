@@ -13,9 +13,9 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.white_balance import shades_of_grey
-from tools.host.folders import search
-from tools.scenes.load import ENDINGS, is_drawn, load_scene, set_aside
-from tools.scenes.scene import RGB, Scene
+from tools.batch.folders import search
+from tools.io.scene import RGB, Scene
+from tools.simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 
 from .metrics import BORDER, PSNR_PATCH
 

@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from shared.arrays import FloatArray
 from shared.errors import InputError, OutputError, PanchromaError
 from shared.writing import own_file, write_durably
-from tools.camera.protocols import Protocol
-from tools.scenes.scene import RGB
+from tools.io.scene import RGB
+from tools.simulation.protocols import Protocol
 
 from .cameras import CameraPair
 from .measures import Measures

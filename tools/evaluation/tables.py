@@ -6,8 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from tools.camera.protocols import Protocol
-from tools.host.console import one_line
+from tools.batch.console import one_line
+from tools.simulation.protocols import Protocol
 
 from .figures import CRITERIA, EVEN, Figures, SetFigures
 from .methods import methods

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
-from tools.host.console import Console
-from tools.host.jobs import reason
-from tools.host.memory import format_bytes
-from tools.host.processes import Processes
-from tools.host.progress import StageProgress
-from tools.host.work import Workers, follow
+from tools.batch.console import Console
+from tools.batch.jobs import reason
+from tools.batch.memory import format_bytes
+from tools.batch.processes import Processes
+from tools.batch.progress import StageProgress
+from tools.batch.work import Workers, follow
 
 from .scene_sets import Reading, SceneInfo, distinct, expand
 from .study import Task, work
@@ -120,7 +120,7 @@ class Team:
 
     def _workers(self, pixels: int) -> Workers[T, R]:
         if self.client is not None:
-            from tools.host.cluster import Cluster
+            from tools.batch.cluster import Cluster
 
             return Cluster(self.client, self.console.note)
         return Processes(self.processes(pixels), self.console.note, _REMEDY)

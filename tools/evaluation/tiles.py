@@ -11,9 +11,9 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.camera.bayer import ORDER
-from tools.camera.filters import Filters, filters_for
-from tools.scenes.scene import Scene
+from tools.io.scene import Scene
+from tools.simulation.bayer import ORDER
+from tools.simulation.filters import Filters, filters_for
 
 _SHORT = 24  # characters: longer tiles are named by their first row and their size
 

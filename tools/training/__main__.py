@@ -10,9 +10,9 @@ from shared.errors import InputError, PanchromaError
 from shared.pattern import CfaPattern
 from shared.processors import processors
 from shared.tiles import EXPECTED
-from tools.host.console import Console, fault, to_stderr
-from tools.host.jobs import output_folder
-from tools.host.signals import INTERRUPTED, orderly_end
+from tools.batch.console import Console, fault, to_stderr
+from tools.batch.jobs import output_folder
+from tools.batch.signals import INTERRUPTED, orderly_end
 
 _STEPS, _LEAST = 6000, 20
 

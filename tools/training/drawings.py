@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from shared.arrays import FloatArray
-
-from ..scenes.drawn.dead_leaves import dead_leaves
+from tools.simulation.drawn.dead_leaves import dead_leaves
 
 SIZE = 384
 _FINE = 3  # samples per pixel and axis

@@ -17,9 +17,9 @@ from offline.stages.colour_network import Cells, Residuals
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.writing import durable_file
-from tools.camera.sensor import simulate_additive
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
-from ..scenes.load import load_scene
 from .drawings import drawing
 
 DRAWN = "drawn"

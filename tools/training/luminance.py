@@ -23,7 +23,7 @@ from offline.stages.luminance import recover_luminance
 from offline.stages.luminance_network import REACH, SIDE, seen_around
 from shared import CfaPattern
 from shared.arrays import BORDER, FloatArray
-from tools.host.console import Console
+from tools.batch.console import Console
 
 from .examples import DRAWN, kept_back, photographed, photographs
 from .graph import Graph

@@ -14,7 +14,7 @@ from shared.arrays import CodeArray, FloatArray
 from shared.errors import InputError
 from tests.device.packer import pack, random_codes
 from tests.scenes import leaves
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 SIZE = (192, 256)
 SCENE = leaves(*SIZE)

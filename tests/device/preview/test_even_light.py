@@ -9,7 +9,7 @@ from device import Preview
 from device.preview.even_light import even_light
 from shared import CfaPattern, Mosaic, SensorCalibration
 from tests.scenes import darker_corners, leaves
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 SHAPE = (240, 360)
 LENS = darker_corners(SHAPE)

@@ -15,8 +15,8 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from tests.reference.compare import assert_close
-from tools.camera.sensor import sample
-from tools.pictures.display import ColourTransform
+from tools.io.display import ColourTransform
+from tools.simulation.sensor import sample
 
 DIGEST = "faf08fc3c36a738ca7b9fd0e8377667a6ccd1f520716f51cb6876c2edfd9e953"
 """Of the graphs of CASES."""

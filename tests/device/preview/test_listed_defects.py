@@ -7,7 +7,7 @@ from device import Preview
 from device.preview.listed_defects import without_defects
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
-from tools.camera.sensor import sample
+from tools.simulation.sensor import sample
 
 SIX = CfaPattern.bayer(6)
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")

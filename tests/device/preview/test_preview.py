@@ -9,8 +9,8 @@ from device.preview import preview as runtime
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from shared.arrays import CodeArray
 from shared.errors import InputError
-from tools.camera.sensor import sample, simulate_additive
-from tools.scenes.colour import encode_srgb
+from tools.io.colour import encode_srgb
+from tools.simulation.sensor import sample, simulate_additive
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:

@@ -14,7 +14,7 @@ from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from tests.offline.burst.scenes import SHAPE, error, pixels, seen
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 BETWEEN = 0.01  # pixels: what bicubic interpolation and a tile's share of moving things leave
 NOISE = NoiseModel.gaussian(0.03, 4)

@@ -15,7 +15,7 @@ from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
-from tools.camera.sensor import simulate_additive
+from tools.simulation.sensor import simulate_additive
 
 from .scenes import SHAPE, light
 

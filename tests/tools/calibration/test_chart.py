@@ -17,9 +17,9 @@ from tools.calibration.chart.lattice import lattice_corners
 from tools.calibration.chart.picture import linear_picture
 from tools.calibration.chart.place import ChartPlace, least_pitch
 from tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
-from tools.pictures.colour_difference import delta_e_2000, lab_slopes
-from tools.scenes.colour import lab_to_xyz, xyz_to_lab
-from tools.scenes.perspective import rectangle
+from tools.io.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour_difference import delta_e_2000, lab_slopes
+from tools.simulation.perspective import rectangle
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.
 # Those kept are the ones at the turns of hue, near grey, far apart, and a few of the small ones.

@@ -21,9 +21,9 @@ from tools.calibration.observations import Observations, measure_chart
 from tools.calibration.report import report
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.surroundings import fit_surroundings
-from tools.camera.sensor import simulate_additive, simulate_sensor
-from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.load import load_scene
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 GAMMA = np.array(TRUTH.gamma)
 SONY = "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"

@@ -11,8 +11,8 @@ from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from tools.calibration.shading import measure_shading
-from tools.camera.lens import lens_shading
-from tools.camera.sensor import simulate_sensor
+from tools.simulation.lens import lens_shading
+from tools.simulation.sensor import simulate_sensor
 
 SHAPE = 300, 450
 PATTERN, KODAK = CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")

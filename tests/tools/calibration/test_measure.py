@@ -18,7 +18,7 @@ from tools.calibration.noise import FlatResult
 from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
-from tools.camera.sensor import simulate_sensor
+from tools.simulation.sensor import simulate_sensor
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")

@@ -15,7 +15,7 @@ from tools.calibration.frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
-from tools.camera.sensor import simulate_sensor
+from tools.simulation.sensor import simulate_sensor
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)

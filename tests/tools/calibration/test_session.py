@@ -14,11 +14,11 @@ from shared import CaptureMetadata, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, HEIGHT, NOISE, REFERENCE, WIDTH, chart, edited, frame, stating
+from tools.batch.console import Console
 from tools.calibration.files import check_same
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.observations import Observations
 from tools.calibration.session import Session
-from tools.host.console import Console
 
 SHAPE = (HEIGHT, WIDTH)
 EVEN = np.ones((*SHAPE, 3))

@@ -20,8 +20,8 @@ from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
 from tests.tools.command import run
 from tools.calibration.colour_matrix import GREYS, fit_colour, light_change
-from tools.pictures.colour_difference import delta_e_2000
-from tools.scenes.colour import encode_srgb, xyz_to_lab
+from tools.io.colour import encode_srgb, xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
 
 CELLS = true_place().cells
 THIRD = "3200", "4000", "5000"

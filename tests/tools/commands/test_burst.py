@@ -14,12 +14,12 @@ import tifffile
 from offline import PRESETS, render
 from offline.burst import merge_burst, render_burst_bands
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from tests.tools.batch.examples import save_mosaic, save_shot
 from tests.tools.calibration.known_camera import stating
 from tests.tools.command import Outcome, assert_refused, contents, names, results, run
-from tests.tools.rendering.examples import save_mosaic, save_shot
-from tools.camera.sensor import simulate_additive
 from tools.evaluation.metrics import psnr
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive
 
 MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
 UNLEARNED = PRESETS["unlearned"]

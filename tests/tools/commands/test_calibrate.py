@@ -16,9 +16,9 @@ from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, fra
 from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
 from tools.calibration.reference import check_order, read_reference, ti3
-from tools.camera.sensor import typical_noise
 from tools.commands.calibrate import color_checker_xyz
-from tools.scenes.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour import lab_to_xyz, xyz_to_lab
+from tools.simulation.sensor import typical_noise
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 

@@ -24,9 +24,9 @@ from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import Outcome, ended, names, shots, spawn, start
 from tests.tools.command import run as command
-from tools.camera.sensor import simulate_additive
-from tools.live import recorder
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.capture import recorder
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive
 
 SIZE, SHOWN = (20, 30), (96, 128)
 LAYOUT = ["--width", "30", "--height", "20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]

@@ -18,7 +18,7 @@ from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
 from tools.commands import doctor
 from tools.commands.doctor import BAD, GOOD, MISSING, Finding
-from tools.host.versions import package_version
+from tools.io.versions import package_version
 
 
 def only(name: str) -> Finding:

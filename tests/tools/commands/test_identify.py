@@ -15,12 +15,12 @@ from shared.arrays import CodeArray
 from tests.data import photograph
 from tests.device.packer import pack
 from tests.shared.dng.examples import preview
+from tests.tools.capture.test_identity import SCENE, taken, tile_of
 from tests.tools.command import run, spawn
-from tests.tools.live.test_identity import SCENE, taken, tile_of
-from tests.tools.scenes.files import LINEAR_RAW, write_dng
-from tools.camera.pattern_text import read_pattern
-from tools.camera.sensor import simulate_additive
-from tools.live.identity import identify
+from tests.tools.io.files import LINEAR_RAW, write_dng
+from tools.capture.identity import identify
+from tools.simulation.pattern_text import read_pattern
+from tools.simulation.sensor import simulate_additive
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--width", str(SONY.shape[1]), "--height", str(SONY.shape[0]))

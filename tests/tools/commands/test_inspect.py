@@ -12,7 +12,7 @@ from shared.arrays import CodeArray
 from shared.dng import read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
-from tests.tools.pictures.examples import picture_dng
+from tests.tools.io.examples import picture_dng
 
 PLAIN = SensorCalibration.of_bits(12)
 BLACK, WHITE = int(PLAIN.black_level[0]), PLAIN.white_level

@@ -11,9 +11,9 @@ from PIL import Image
 from shared import CfaPattern, SensorCalibration, read_dng
 from shared.arrays import FloatArray
 from tests.tools.command import assert_refused, run
-from tests.tools.scenes.files import save
-from tools.pictures.display import ColourTransform
-from tools.scenes.drawn.builtin import builtin_scene
+from tests.tools.io.files import save
+from tools.io.display import ColourTransform
+from tools.simulation.drawn.builtin import builtin_scene
 
 WIDTH, HEIGHT = 181, 121
 LEAVES = builtin_scene(WIDTH, HEIGHT)

@@ -14,8 +14,8 @@ from device import Preview
 from device.preview.graph import build_preview
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
+from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, run
-from tests.tools.rendering.examples import save_mosaic
 
 JPEG_LOSS = 2.0
 """Codes of mean difference that JPEG at quality 95 may make on these pictures."""

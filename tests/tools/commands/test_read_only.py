@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.tools.batch.examples import save_shot
 from tests.tools.command import contents, run, spawn
-from tests.tools.rendering.examples import save_shot
 
 # A disk below the first argument that can be read alone: whatever would write to it ends the program.
 SCRIPT = """

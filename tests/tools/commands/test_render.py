@@ -14,16 +14,16 @@ from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_
 from shared.arrays import ByteArray, FloatArray
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
+from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, results, run
-from tests.tools.pictures.examples import encode_picture
-from tests.tools.rendering.examples import save_mosaic
-from tools.camera.sensor import simulate_additive, simulate_sensor
+from tests.tools.io.examples import encode_picture
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
-from tools.pictures.development import Development
-from tools.pictures.formats import FORMATS
-from tools.pictures.kind import PictureKind
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.io.development import Development
+from tools.io.formats import FORMATS
+from tools.io.kind import PictureKind
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 SCENE = (48, 36)
 SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"

@@ -15,11 +15,11 @@ from PIL import Image
 import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
 from tests.tools.command import assert_refused, names, run
-from tools.camera.burst import SimulatedBurst, burst_frames
-from tools.camera.sensor import simulate_additive, simulate_sensor, typical_noise
 from tools.commands.simulate import noise_of
-from tools.pictures.display import ColourTransform
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.io.display import ColourTransform
+from tools.simulation.burst import SimulatedBurst, burst_frames
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.sensor import simulate_additive, simulate_sensor, typical_noise
 
 SOURCE = "builtin:24x18"
 SHOT, TRUTH, SHOWN = (f"builtin-24x18.{ending}" for ending in ("dng", "truth.tif", "truth.png"))

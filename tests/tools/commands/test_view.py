@@ -18,9 +18,9 @@ import pytest
 
 from shared import read_dng
 from tests.browser import Browser
+from tests.tools.capture.test_viewfinder import codes, pictures
 from tests.tools.command import ended, start
 from tests.tools.commands.test_capture import LINE, MOVING, moving
-from tests.tools.live.test_viewfinder import codes, pictures
 
 
 @contextmanager

@@ -6,13 +6,13 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import FloatArray
-from tools.camera.protocols import PaperProtocol
+from tools.batch.console import Console
 from tools.evaluation.figures import Figures
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, collect, tasks, work
 from tools.evaluation.team import Team
 from tools.evaluation.tiles import Tile
-from tools.host.console import Console
+from tools.simulation.protocols import PaperProtocol
 
 KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 

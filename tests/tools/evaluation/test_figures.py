@@ -14,7 +14,6 @@ import pytest
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import KODAK, measured, study_of
-from tools.camera.protocols import PaperProtocol
 from tools.evaluation.figures import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE, Comparison, Figures, SetFigures
 from tools.evaluation.measures import Measures
 from tools.evaluation.page.page import build_page
@@ -24,6 +23,7 @@ from tools.evaluation.study import Cell, Study
 from tools.evaluation.tables import encode_csv, encode_json
 from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import FEW, Claim, ahead, caveats, claims, headline, losses, standing
+from tools.simulation.protocols import PaperProtocol
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)

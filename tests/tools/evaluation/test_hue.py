@@ -8,8 +8,8 @@ from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.white_balance import shades_of_grey
 from tools.evaluation.hue import PLACES, colour_kept, uneven_hue, wrong_hue
-from tools.pictures.colour_difference import delta_e_2000
-from tools.scenes.colour import xyz_to_lab
+from tools.io.colour import xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
 
 RNG = np.random.default_rng(3)
 

@@ -4,14 +4,14 @@ import pytest
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.camera.bayer import sample_bayer
-from tools.camera.protocols import PaperProtocol
 from tools.evaluation import method as module
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.method import Method
 from tools.evaluation.methods import choose, default_names, methods
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.host.versions import package_version
+from tools.io.versions import package_version
+from tools.simulation.bayer import sample_bayer
+from tools.simulation.protocols import PaperProtocol
 
 ASKED_FOR = "paper best unlearned preview bilinear malvar menon dlmmse ahd dcb dht aahd ea demosaicnet bm3d+menon bm3d+dlmmse"
 

@@ -9,11 +9,11 @@ from shared.arrays import FloatArray
 from tests.bayer import bayer_mosaic
 from tests.data import photograph
 from tests.strokes import WHITE, WIDTHS, drawing, kept
-from tools.camera.sensor import simulate_additive
+from tools.batch.previews import linear_preview
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.pictures.previews import linear_preview
-from tools.scenes.load import load_scene
+from tools.simulation.load import load_scene
+from tools.simulation.sensor import simulate_additive
 
 BELOW_PAPER = 2.0
 """dB of median RGB PSNR that a preview may lie below the `paper` preset, noise-free."""

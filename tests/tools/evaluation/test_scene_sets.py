@@ -8,7 +8,7 @@ from PIL import Image
 
 from shared.errors import InputError
 from tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct, expand
-from tools.scenes.load import load_scene
+from tools.simulation.load import load_scene
 
 RNG = np.random.default_rng(0)
 

@@ -13,8 +13,7 @@ from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tests.walking import CHANGED, one_field_changed
-from tools.camera.protocols import PaperProtocol, SensorProtocol
-from tools.camera.sensor import simulate_additive
+from tools.batch.console import Console
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
@@ -22,7 +21,8 @@ from tools.evaluation.page.gallery import Crop, render_exhibit
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.study import FOLDER, Study, collect, tasks, work
 from tools.evaluation.team import Team, needed_memory
-from tools.host.console import Console
+from tools.simulation.protocols import PaperProtocol, SensorProtocol
+from tools.simulation.sensor import simulate_additive
 
 NOISY = PaperProtocol(0.03)
 

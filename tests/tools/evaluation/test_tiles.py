@@ -6,13 +6,13 @@ import pytest
 from shared import CfaPattern
 from shared.tiles import TILES
 from tests.data import ROOT
-from tools.camera.pattern_text import read_pattern
-from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.study import can_photograph
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
+from tools.simulation.pattern_text import read_pattern
+from tools.simulation.protocols import PaperProtocol, SensorProtocol
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 BROADBAND = CfaPattern.with_block(("CM", "YC"), period=4)

@@ -16,10 +16,10 @@ import offline
 import panchroma
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from tests.tools.command import run
-from tools.camera.lens import lens_shading
-from tools.pictures.formats import FORMATS
-from tools.pictures.kind import PictureKind
-from tools.scenes.colour import decode_srgb
+from tools.io.colour import decode_srgb
+from tools.io.formats import FORMATS
+from tools.io.kind import PictureKind
+from tools.simulation.lens import lens_shading
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -178,7 +178,7 @@ def test_what_is_lost_has_the_shape_of_its_picture() -> None:
 
 
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.rendering.in_memory.allowed_memory", lambda _: 1 << 20)
+    monkeypatch.setattr("tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
         panchroma.render(shot)
 

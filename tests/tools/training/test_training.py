@@ -20,8 +20,8 @@ from shared.networks import Block, load_network, network_for
 from shared.progress import SILENT
 from shared.runtime import session
 from tests.data import ROOT
-from tools.pictures.samples import quantise
-from tools.scenes.load import load_scene
+from tools.io.samples import quantise
+from tools.simulation.load import load_scene
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'panchroma[training]'")
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import find_objects, gaussian_filter, label, sobel, zoom
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.scenes.perspective import apply_homography, fit_homography, rectangle
+from tools.simulation.perspective import apply_homography, fit_homography, rectangle
 
 from .place import COLUMNS, PATCH, ROWS
 

@@ -8,7 +8,7 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
-from tools.scenes.perspective import apply_homography, homography, rectangle
+from tools.simulation.perspective import apply_homography, homography, rectangle
 
 from ..samples import Pixels
 

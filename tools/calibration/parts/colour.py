@@ -10,7 +10,7 @@ import numpy as np
 from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.lights import CalibratedLight
-from tools.pictures.colour_difference import delta_e_2000
+from tools.io.colour_difference import delta_e_2000
 
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled

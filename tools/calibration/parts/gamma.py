@@ -7,8 +7,8 @@ import numpy as np
 
 from shared.arrays import DoubleArray
 from shared.errors import InputError
-from tools.pictures.html import figure, picture, reduced
-from tools.scenes.colour import xyz_to_lab
+from tools.batch.html import figure, picture, reduced
+from tools.io.colour import xyz_to_lab
 
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from tools.pictures.html import figure
+from tools.batch.html import figure
 
 from ..dark_frames import DarkResult
 from ..noise import SIGMAS, NoiseResult, noise_of_flats

@@ -10,10 +10,10 @@ import numpy as np
 from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
-from tools.camera.protocols import Protocol
-from tools.pictures.display import ColourTransform
-from tools.pictures.samples import quantise
-from tools.scenes.scene import RGB as RGB_CHANNELS
+from tools.io.display import ColourTransform
+from tools.io.samples import quantise
+from tools.io.scene import RGB as RGB_CHANNELS
+from tools.simulation.protocols import Protocol
 
 from ..cameras import CameraPair
 from ..figures import RGB, Figures

@@ -7,9 +7,9 @@ from importlib.resources import files
 from string import Template
 from typing import TypeVar
 
-from tools.camera.protocols import Protocol
-from tools.pictures.html import bullets, cell, css_class, data_address, page, row, row_title, table
-from tools.pictures.illustrations import tile_picture
+from tools.batch.html import bullets, cell, css_class, data_address, page, row, row_title, table
+from tools.io.illustrations import tile_picture
+from tools.simulation.protocols import Protocol
 
 from ..figures import CRITERIA, Figures, SetFigures
 from ..methods import methods

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from html import escape
 from math import ceil, floor
 
-from tools.camera.protocols import Protocol
-from tools.pictures.plot import Plot, round_step, ticks
+from tools.batch.plot import Plot, round_step, ticks
+from tools.simulation.protocols import Protocol
 
 from ..figures import SetFigures
 from ..measures import PLANES, TITLES

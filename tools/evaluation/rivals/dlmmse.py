@@ -8,7 +8,7 @@ it. Each is denoised, the two are averaged by their expected errors, and red and
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.camera.bayer import channel_map
+from tools.simulation.bayer import channel_map
 
 from ..method import Method
 

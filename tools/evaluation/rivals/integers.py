@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from shared.arrays import FloatArray
 from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from shared.tiff import FieldType
-from tools.camera.bayer import ORDER
-from tools.host.versions import package_version
+from tools.io.versions import package_version
+from tools.simulation.bayer import ORDER
 
 from ..method import Method
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from shared.arrays import FloatArray
-from tools.camera.bayer import channel_map
+from tools.simulation.bayer import channel_map
 
 from ..method import Method
 

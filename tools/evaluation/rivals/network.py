@@ -19,8 +19,8 @@ import numpy as np
 from shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.reading import read_text, read_whole
-from tools.camera.bayer import channel_map
-from tools.camera.protocols.protocol import BayerShot
+from tools.simulation.bayer import channel_map
+from tools.simulation.protocols.protocol import BayerShot
 
 from ..method import Method
 

@@ -36,7 +36,7 @@ cameras; `panchroma --help` lists it. `shared` and `offline` are the libraries u
 """
 
 from shared.errors import PanchromaError as PanchromaError
-from tools.rendering.in_memory import program_version
+from tools.batch.in_memory import program_version
 
 from .pictures import Image, Picture, to_srgb
 from .quality import Evaluation, evaluate

@@ -12,7 +12,7 @@ import numpy as np
 
 from shared import CaptureMetadata, Mosaic, SensorCalibration
 from shared.errors import InputError
-from tools.rendering.in_memory import missing_package
+from tools.batch.in_memory import missing_package
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
-from tools.pictures.display import checked_picture
+from tools.io.display import checked_picture
 
 from .arguments import checked
 from .pictures import Picture, light_of

@@ -13,16 +13,16 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from tools.pictures.previews import Previews
-from tools.pictures.samples import upright
-from tools.rendering.in_memory import note_once, render_array, settings_named
-from tools.rendering.white_balance import WhiteBalance
+from tools.batch.in_memory import note_once, render_array, settings_named
+from tools.batch.previews import Previews
+from tools.batch.white_balance import WhiteBalance
+from tools.io.samples import upright
 
 from .arguments import check_argument, checked
 from .pictures import Image, Picture
 
 if TYPE_CHECKING:
-    from tools.rendering.in_memory import RenderSettings, Stages
+    from tools.batch.in_memory import RenderSettings, Stages
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)

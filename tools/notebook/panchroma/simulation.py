@@ -13,9 +13,9 @@ from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
-from tools.camera.lens import Lens
-from tools.camera.protocols import chosen_protocol
-from tools.camera.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
+from tools.simulation.lens import Lens
+from tools.simulation.protocols import chosen_protocol
+from tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
 from .arguments import checked
 from .pictures import Picture

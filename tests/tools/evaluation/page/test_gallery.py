@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
-from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.evaluation.measures import WINDOW, window_origins
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import (
@@ -22,6 +21,7 @@ from tools.evaluation.page.gallery import (
 )
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
+from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 
 INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
 

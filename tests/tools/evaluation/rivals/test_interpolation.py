@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.camera.bayer import ORDER, sample_bayer
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
+from tools.simulation.bayer import ORDER, sample_bayer
 
 
 def bilinear(mosaic: FloatArray) -> DoubleArray:

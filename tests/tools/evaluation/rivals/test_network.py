@@ -10,13 +10,13 @@ from onnx import TensorProto, helper, load, numpy_helper, save
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.camera.bayer import sample_bayer
-from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.methods import choose
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals.demosaicnet import METHODS, demosaic_demosaicnet
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.simulation.bayer import sample_bayer
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.protocols.protocol import BayerShot
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green

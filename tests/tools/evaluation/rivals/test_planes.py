@@ -8,10 +8,10 @@ import pytest
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.camera.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.rivals import planes as module
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.rivals.planes import denoised_planes, planes, sharpened_planes
+from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 PATTERNS = {
     "K=6": CfaPattern.bayer(6),

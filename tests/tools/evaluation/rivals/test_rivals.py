@@ -9,15 +9,15 @@ import rawpy
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.camera.bayer import ORDER, sample_bayer
-from tools.camera.protocols import PaperProtocol
-from tools.camera.protocols.protocol import BayerShot
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals import denoising
 from tools.evaluation.rivals.denoising import denoise_bayer
 from tools.evaluation.rivals.integers import LIBRAW, Levels, encode_bayer_dng
+from tools.simulation.bayer import ORDER, sample_bayer
+from tools.simulation.protocols import PaperProtocol
+from tools.simulation.protocols.protocol import BayerShot
 
 # colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")

@@ -1,0 +1,66 @@
+"""Which shots are one burst."""
+
+from pathlib import Path
+
+import pytest
+
+from shared.errors import InputError
+from tools.batch.burst_files import series, series_stem
+from tools.batch.folders import DNGS, Source, search
+
+
+def found(folder: Path, *names: str) -> list[Source]:
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).touch()
+    return search([str(folder)], DNGS).sources
+
+
+def test_a_folder_s_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    sources = found(tmp_path, "rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json")
+    assert series(sources) == [str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")]
+
+
+def test_files_that_are_named_are_taken_as_they_are() -> None:
+    assert series([Source("b.dng"), Source("a-7.dng"), Source("c/a-1.dng")]) == ["b.dng", "a-7.dng", "c/a-1.dng"]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["a-1.dng", "a-2.dng", "dark.dng"], "found {0}/a-1.dng and 1 more, {0}/dark.dng; name the files of one"),
+        (["a-1.dng", "b-1.dng", "b-2.dng"], "found {0}/a-1.dng, {0}/b-1.dng and 1 more; name"),
+        (["a-1.dng", "more/a-1.dng"], "found {0}/a-1.dng, {0}/more/a-1.dng; name"),
+        ([f"{name}.dng" for name in "abcdefg"], "{0}/d.dng and 3 others; name"),
+    ],
+)
+def test_what_is_not_one_burst_is_named(tmp_path: Path, names: list[str], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        series(found(tmp_path, *names))
+    assert words.format(tmp_path) in str(refused.value)
+
+
+@pytest.mark.parametrize("spelling", ["{0}/./a.dng", "{0}/more/../a.dng", "{0}/hard.dng", "{0}/b-2.dng"])
+def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: str) -> None:
+    (tmp_path / "more").mkdir()
+    (tmp_path / "a.dng").write_text("a")
+    (tmp_path / "b-2.dng").symlink_to("a.dng")
+    (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
+    first, second = f"{tmp_path}/a.dng", spelling.format(tmp_path)
+    with pytest.raises(InputError, match=f"^{second}: is given twice: it is the same file as {first}$"):
+        series([Source(first), Source("missing.dng"), Source(second)])
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [
+        (["in/a-1.dng", "in/a-2.dng"], "a"),
+        (["b/a-7.dng", "c/a-1.dng"], "a"),
+        (["a-1.dng", "b-1.dng"], "a-1"),
+        (["a-1.dng", "b.dng"], "a-1"),
+        (["b.dng", "a-1.dng"], "b"),
+        (["a-b-01.dng", "a-b-10.dng"], "a-b"),
+    ],
+)
+def test_a_picture_is_called_by_what_its_frames_have_in_common(names: list[str], stem: str) -> None:
+    assert series_stem(names) == stem

@@ -1,0 +1,104 @@
+"""What is shown, and where: results, records, remarks and bars, each on lines of its own."""
+
+import io
+import sys
+
+import pytest
+
+from tools.batch.console import Console, one_line
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("two\nlines", "two lines"),
+        ("a\r\n\tb", "a b"),
+        ("\x1b[31mred\x9b", r"\x1b[31mred\x9b"),
+        ("bell\a, delete\x7f, nul\0", r"bell\x07, delete\x7f, nul\x00"),
+        ("a\u2028b\u2029c\x85d", "a b c d"),
+        ("gpj\u202e.exe\u2066 \ufeff\u200b", r"gpj\u202e.exe\u2066 \ufeff\u200b"),
+        ("no text: \udcff", r"no text: \udcff"),
+        ("two  blanks é 写真 \u00a0", "two  blanks é 写真 \u00a0"),
+        ("می\u200cخواهم", "می\u200cخواهم"),
+    ],
+)
+def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) -> None:
+    assert one_line(text) == line
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+@pytest.mark.parametrize("json", [False, True])
+def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
+    json: bool, quiet: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = Console(json=json, quiet=quiet)
+    out.say("a result")
+    out.note("a note")
+    out.record(source="x", ok=True)
+    with out.progress("x") as progress:
+        progress.stage("luminance", 1)
+    out.error("a fault")
+    shown = capsys.readouterr()
+    assert shown.out == ('{"source": "x", "ok": true}\n' if json else "a result\n")
+    said = shown.err.splitlines()
+    assert said.pop() == "panchroma: a fault"
+    assert [line.rpartition(" 0.")[0] or line for line in said] == (
+        [] if quiet else [*(["a result"] if json else []), "a note", "x: luminance"]
+    )
+
+
+def test_what_a_library_calls_an_argument_is_an_option_here(capsys: pytest.CaptureFixture[str]) -> None:
+    out = Console(json=True, options={"max_pixels": "--max-pixels", "overwrite": "--overwrite", "space": "--space"})
+    text = '9 pixels, `max_pixels` raises it; `overwrite=True`, not `space="camera"`, `origin=1`, `dask worker` nor `other`'
+    words = "9 pixels, --max-pixels raises it; --overwrite, not --space camera, `origin=1`, `dask worker` nor `other`"
+    for say in (out.say, out.note, out.error):
+        say(text)
+    out.record(error=text, source="`overwrite`")
+    shown = capsys.readouterr()
+    assert [line.removeprefix("panchroma: ") for line in shown.err.splitlines()] == [words] * 3
+    assert shown.out == f'{{"error": "{words}", "source": "`overwrite`"}}\n'
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Square brackets are markup to rich, and what goes to stdout belongs above its bar, unless it is told otherwise."""
+    terminal, file = Terminal(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(sys, "stdout", file)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    shown = Console(json=True)
+    with shown.progress("[/shot] [bold]x.dng") as progress:
+        progress.stage("luminance", 3)
+        progress.advance(3)
+        shown.record(source="a.dng", ok=True)
+    shown.close()
+    assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
+    assert file.getvalue() == '{"source": "a.dng", "ok": true}\n'
+    assert "a.dng" not in terminal.getvalue()
+
+
+def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = Console()
+    with shown.progress("x.dng") as progress:
+        progress.stage("luminance", 3)
+        progress.advance(3)
+        progress.stage("writing", 1)
+    failing = shown.progress("y.dng")
+    failing.stage("luminance", 3)
+    failing.__exit__(ValueError, ValueError("odd"), None)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance", "x.dng: writing"]
+
+
+def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().say("one\ntwo", "three\x1b[2J")
+    Console(json=True).say("one\ntwo")
+    Console(json=True).record(name="\x7f\x1b\n\x9b\udcff")
+    shown = capsys.readouterr()
+    assert shown.out == 'one two\nthree\\x1b[2J\n{"name": "\\u007f\\u001b\\n\\u009b\\udcff"}\n'
+    assert shown.err == "one two\n"

@@ -1,0 +1,71 @@
+"""A render undoes the shading of light and colour that the calibration knows."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from offline import BEST, PAPER, RenderSettings, render, render_bands
+from shared import CfaPattern, Mosaic, SensorCalibration, Shading
+from shared.arrays import FloatArray
+from tests.benchmarks.harness import photographed
+from tests.benchmarks.shading import figures as figures_of_shading
+from tests.benchmarks.shading import noisy
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.lens import lens_shading
+from tools.simulation.sensor import simulate_additive, simulate_sensor
+
+SHAPE = (240, 360)
+DARK = lens_shading(2, 0.15, 4, SHAPE)
+
+
+@cache
+def scene() -> FloatArray:
+    return builtin_scene(SHAPE[1], SHAPE[0]).rgb
+
+
+def test_bands_are_the_picture() -> None:
+    shot = photographed(scene(), 0.01, shading=DARK)
+    assert np.array_equal(np.concatenate(list(render_bands(shot))), render(shot).rgb)
+
+
+def seen(mosaic: Mosaic, settings: RenderSettings = BEST) -> list[float]:
+    return figures_of_shading(render(mosaic, settings).rgb, scene())
+
+
+@pytest.mark.parametrize("settings", [BEST, PAPER])
+def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings) -> None:
+    even, undone = seen(photographed(scene(), 0.0), settings), seen(photographed(scene(), 0.0, shading=DARK), settings)
+    assert min(np.subtract(undone[:3], even[:3])) > -0.3  # dB
+    assert undone[3] - even[3] < 0.2  # dE2000
+
+
+def test_noise_in_the_corners_is_that_of_the_gain() -> None:
+    amplified, undone = seen(noisy(scene(), 0.01, DARK)), seen(photographed(scene(), 0.01, shading=DARK))
+    assert min(np.subtract(undone[:3], amplified[:3])) > -0.5
+
+
+def white(light: float, shading: Shading | None) -> FloatArray:
+    """A render of a warm white surface on grey, near a corner, by a sensor that clips."""
+    rgb = np.full((*SHAPE, 3), 0.3, np.float32)
+    rgb[30:90, 30:90] = np.array([1.0, 0.8, 0.6], np.float32) * light
+    sensor = SensorCalibration.of_bits(12, headroom=False, neutral=(1.0, 0.8, 0.6), shading=shading)
+    return render(simulate_sensor(rgb, CfaPattern.bayer(6), sensor, 1.0, np.random.default_rng(0))).rgb[45:75, 45:75]
+
+
+def test_saturation_is_judged_before_the_gain() -> None:
+    # Twice full scale, and no sample of it is saturated: there is nothing to restore.
+    assert white(2.0, DARK).mean(axis=(0, 1)) == pytest.approx([2.0, 1.6, 1.2], rel=0.02)
+    # Panchromatic samples are saturated, and the blocks tell how bright the surface is.
+    assert white(3.5, DARK).mean(axis=(0, 1)) == pytest.approx([3.5, 2.8, 2.1], rel=0.03)
+    assert white(1.6, None).mean(axis=(0, 1)) == pytest.approx([1.6, 1.28, 0.96], rel=0.05)
+
+
+def test_scene_units_render_as_codes_do() -> None:
+    shot = simulate_additive(
+        scene(), CfaPattern.bayer(6), SensorCalibration.of_bits(16, shading=DARK), 0.0, np.random.default_rng(0)
+    )
+    codes = replace(shot, samples=shot.codes)
+    apart = np.abs(render(shot, PAPER).rgb - render(codes, PAPER).rgb)
+    assert np.quantile(apart, 0.99) < 0.005

@@ -1,0 +1,190 @@
+"""`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import read_dng
+from tests.tools.batch.examples import save_shot
+from tests.tools.command import Outcome, assert_refused, contents, results, run
+from tools.batch.journal import NAME
+from tools.batch.run import shard_of
+
+
+@pytest.fixture
+def shots(tmp_path: Path) -> Path:
+    """A folder of three shots, one of them in a folder below it."""
+    for seed, name in enumerate(("a.dng", "b.dng", "sub/c.dng")):
+        save_shot(tmp_path / "shots" / name, seed)
+    return tmp_path / "shots"
+
+
+def render(shots: Path, out: Path, *options: str) -> Outcome:
+    return run("render", shots, "-o", out, "--json", *options)
+
+
+def current(outcome: Outcome) -> set[str]:
+    """Names of the pictures that were there already; fails when a record is not ok."""
+    assert all(record["ok"] for record in outcome.records), outcome.err
+    return {Path(record["output"]).name for record in outcome.records if record.get("current")}
+
+
+def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
+    before = contents(shots)
+    outcome = render(shots, out)
+    assert (outcome.code, current(outcome)) == (0, set())
+    assert set(contents(out)) == {"a.tif", "b.tif", "sub/c.tif", NAME}
+    made = contents(out)
+    again = render(shots, out, "--resume")
+    assert (again.code, current(again)) == (0, {"a.tif", "b.tif", "c.tif"})
+    assert "3 up to date" in again.err
+    assert contents(out) == made
+    assert contents(shots) == before
+    assert render(shots, out).code == 1  # without --resume nothing that exists is accepted
+    assert contents(out) == made
+
+
+def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path) -> None:
+    render(shots, out)
+    assert current(render(shots, out, "--resume", "--max-pixels", "221")) == {"a.tif", "b.tif", "c.tif"}
+    outcome = render(shots, out, "--overwrite", "--max-pixels", "220", "--workers", "2")
+    assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
+
+
+def test_what_killed_processes_left_is_swept_in_folders_below_too(shots: Path, out: Path) -> None:
+    (out / "sub").mkdir()
+    for name in (".a.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.lock"):
+        (out / name).touch()
+    render(shots, out)
+    assert set(contents(out)) == {"a.tif", "b.tif", "sub/c.tif", NAME}
+
+
+def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
+    render(shots, out)
+    for seed in (8, 9):
+        (shots / "a.dng").unlink()
+        save_shot(shots / "a.dng", seed)
+        os.utime(shots / "b.dng")
+        assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
+    assert results(out) == {"a.tif", "b.tif", "sub"}  # the old a.tif was ours to the byte: no copy of it
+
+
+def test_a_link_to_the_picture_is_no_copy_of_it(shots: Path, out: Path) -> None:
+    render(shots, out)
+    (out / "a.tif").write_bytes(b"retouched")
+    (out / "a.tif.bak").symlink_to("a.tif")
+    assert "it is kept as a.tif.bak2" in render(shots, out, "--resume").err
+    assert (out / "a.tif.bak2").read_bytes() == b"retouched"
+
+
+@pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
+def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(shots: Path, out: Path, damage: str) -> None:
+    render(shots, out)
+    made = contents(out)
+    old = {"torn": made["a.tif"][:99], "retouched": made["a.tif"] + b"!", "empty": b""}[damage]
+    for name in ("a.tif.bak", "a.tif.bak2"):  # twice: the first copy is not replaced by the second
+        (out / "a.tif").write_bytes(old + name.encode())
+        outcome = render(shots, out, "--resume")
+        assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
+        assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
+        assert (out / "a.tif").read_bytes() == made["a.tif"]
+    assert (out / "a.tif.bak").read_bytes() == old + b"a.tif.bak"
+    assert (out / "a.tif.bak2").read_bytes() == old + b"a.tif.bak2"
+
+
+def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
+    (out / "a.tif").write_text("mine")
+    outcome = render(shots, out, "--resume")
+    assert_refused(outcome, "exists already, and no render noted that it made it", name=str(out / "a.tif"))
+    assert (out / "a.tif").read_text() == "mine"
+    assert results(out) == {"a.tif", "b.tif", "sub"}
+    assert render(shots, out, "--resume", "--overwrite").code == 0
+    assert (out / "a.tif").read_bytes()[:4] == b"II*\0"
+    assert results(out) == {"a.tif", "b.tif", "sub"}
+
+
+def test_a_run_cut_off_between_journal_and_picture_goes_on(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the one moment when a line is there and its file is not, and again when the file it replaces still is."""
+
+    def cut(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "link", cut)
+        assert render(shots, out).code == 130
+    assert results(out) == set()
+    assert current(render(shots, out, "--resume")) == set()
+    old = contents(out)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", cut)
+        assert render(shots, out, "--resume", "--exposure", "1").code == 130
+    assert contents(out) | {NAME: b""} == old | {NAME: b""}
+    assert current(render(shots, out, "--resume", "--exposure", "1")) == set()
+    assert set(contents(out)) == set(old)  # no copies: what was replaced was ours
+
+
+def test_one_that_is_missing_is_made_and_a_dry_run_says_so(shots: Path, out: Path) -> None:
+    render(shots, out)
+    made = (out / "b.tif").read_bytes()
+    (out / "b.tif").unlink()
+    before = contents(out)
+    outcome = render(shots, out, "--resume", "--dry-run")
+    assert current(outcome) == {"a.tif", "c.tif"}
+    assert "1 to be made, 2 up to date" in outcome.err
+    assert contents(out) == before
+    assert current(render(shots, out, "--resume")) == {"a.tif", "c.tif"}
+    assert (out / "b.tif").read_bytes() == made
+
+
+def test_files_of_others_in_a_folder_are_left_alone_and_named_ones_are_not(shots: Path, out: Path, tmp_path: Path) -> None:
+    (tmp_path / "rendered").mkdir()
+    run("render", shots / "a.dng", "-o", tmp_path / "rendered", "-f", "dng", code=0)
+    (shots / "other.dng").write_bytes((tmp_path / "rendered" / "a.dng").read_bytes())
+    (shots / "torn.dng").write_bytes((shots / "a.dng").read_bytes()[:500])
+    outcome = render(shots, out)
+    assert_refused(outcome, "damaged", name=str(shots / "torn.dng"))
+    assert "3 made, 1 left alone, 1 failed" in outcome.err
+    named = shots / "other.dng"
+    assert_refused(run("render", named, "-o", out), "not a mosaic of Panchroma", name=str(named))
+
+
+def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path, out: Path, tmp_path: Path) -> None:
+    render(shots, out)
+    made = contents(out)
+    save_shot(tmp_path / "more" / "a.dng", 7)
+    outcome = run("render", tmp_path / "more", "-o", out, "--resume")
+    assert_refused(outcome, f"is the picture of {shots / 'a.dng'}", name=str(out / "a.tif"))
+    assert contents(out) == made
+    shots.rename(tmp_path / "moved")  # but a folder of shots may move, and that of the pictures
+    out = out.rename(tmp_path / "pictures")
+    assert current(render(tmp_path / "moved", out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
+    outcome = render(tmp_path / "moved", out, "--resume", "--exposure", "1")
+    assert (outcome.code, current(outcome)) == (0, set())
+
+
+def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(path: str, max_pixels: int) -> object:
+        mosaic = read_dng(path, max_pixels=max_pixels)
+        Path(path).write_bytes(Path(path).read_bytes() + b"!")
+        return mosaic
+
+    monkeypatch.setattr("tools.batch.order.read_dng", late)
+    assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
+    assert results(out) == set()
+
+
+def test_shards_make_everything_once(shots: Path, out: Path) -> None:
+    for seed in range(6):
+        save_shot(shots / f"more{seed}.dng", seed)
+    made = [record["output"] for part in "123" for record in render(shots, out, "--shard", f"{part}/3").records]
+    assert len(made) == len(set(made)) == 9
+    assert np.all([Path(path).exists() for path in made])
+
+
+def test_shards_are_alike_in_size() -> None:
+    sizes = Counter(shard_of(f"sub/IMG_{number:04}.tif", 7) for number in range(1000))
+    assert set(sizes) == set(range(1, 8))
+    assert all(100 < size < 190 for size in sizes.values())  # 143 on average, with a standard deviation of 11

@@ -1,0 +1,212 @@
+"""`capture` and `view` from a GigE Vision camera: Aravis' fake one, through the real protocol."""
+
+import ctypes
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata, CfaPattern, read_dng
+from shared.dng import decode_preview
+from shared.errors import InputError
+from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
+from tests.device.packer import pack
+from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
+from tests.tools.command import Outcome, ended, run, shots, spawn, start
+from tools.capture.genicam import libraries
+
+# PFNC's name and code, ours, bits.
+MONO8, MONO12, MONO12P = ("Mono8", 0x01080001, "u8", 8), ("Mono12", 0x01100005, "u16", 12), ("Mono12p", 0x010C0047, "mono12p", 12)
+SCF1WGWR12P = ("SCF1WGWR12p", 0x010C0079, "mono12p", 12)
+SOURCE = "genicam:127.0.0.1"
+TILE = ["--period", "6", "--origin", "2", "1"]
+Plug = Callable[..., FakeCamera]
+
+
+def missing() -> str:
+    """Why there can be no camera here; "" if there can."""
+    try:
+        ctypes.CDLL(LIBRARY)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # PyGObject's own
+            libraries()
+    except (OSError, InputError) as error:
+        return str(error)
+    tools = shutil.which("unshare") and shutil.which("nsenter")
+    alone = tools and subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
+    return "" if alone else "a network of its own (unshare --net) is not to be had"
+
+
+MISSING = missing()
+needs_camera = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+
+@pytest.fixture
+def plug(tmp_path: Path) -> Iterator[Plug]:
+    """Connects a camera of this pattern."""
+    cameras = []
+
+    def plugged(kind: tuple[str, int, str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0) -> FakeCamera:
+        name, code, ours, bits = kind
+        cameras.append(FakeCamera(tmp_path, SIZE, name, code, pack(codes(pattern, bits), ours), lost))
+        return cameras[-1]
+
+    yield plugged
+    for camera in cameras:
+        camera.kill()
+
+
+def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE, code: int | None = None) -> Outcome:
+    return spawn("capture", source, *arguments, before=camera.beside, code=code)
+
+
+def capturing(camera: FakeCamera, out: Path) -> subprocess.Popen[str]:
+    """A `capture` that has saved its first shot, and goes on."""
+    process = start("capture", SOURCE, "-o", out, *TILE, before=camera.beside)
+    assert ".dng" in process.stdout.readline()
+    return process
+
+
+@needs_camera
+@pytest.mark.parametrize("kind", [MONO8, MONO12P])  # the other tests take Mono12
+def test_shots_have_the_cameras_samples_and_settings(
+    plug: Plug, out: Path, tmp_path: Path, kind: tuple[str, int, str, int]
+) -> None:
+    camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
+    settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
+    outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings, code=0)
+    assert "incomplete" not in outcome.err
+    assert f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
+    assert link.resolve() == shots(out)[-1]
+    for path in shots(out):
+        mosaic = read_dng(path)
+        assert np.array_equal(mosaic.codes, codes(bits=bits))
+        assert mosaic.pattern == PATTERN
+        assert mosaic.calibration.bits == bits
+        told = mosaic.metadata
+        assert (told.make, told.model, told.exposure_time, told.iso) == ("Aravis", "Fake", 0.02, 200)
+        assert told.description == "gain 6 dB, 25 frames a second"
+    assert len(shots(out)) == 2
+
+
+@needs_camera
+def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(plug: Plug, out: Path) -> None:
+    pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
+    camera = plug(SCF1WGWR12P, pattern)
+    capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01", code=0)
+    assert len(shots(out)) == 3
+    assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {pattern.letters_from((0, 0))}
+    assert "the camera says where its filters are" in capture(camera, "-o", out, "--pattern", "paper", code=2).err
+
+
+@needs_camera
+def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path) -> None:
+    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)  # one frame of four arrives whole
+    assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
+    found = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
+    assert found, outcome.err
+    assert int(found[1]) >= int(found[2]) > 0
+
+
+@needs_camera
+def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> None:
+    camera = plug()
+    first = capturing(camera, out)
+    assert "another program has the camera" in capture(camera, "-o", out, *TILE, code=2).err
+    ended(first, signal.SIGINT, code=130)
+    third = capturing(camera, out)  # at once: the first has let it go
+    camera.process.kill()
+    told = ended(third, code=1).err
+    assert re.search(r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was unplugged", told)
+    assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
+    assert {path.suffix for path in out.iterdir()} == {".dng"}
+
+
+@needs_camera
+def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Path) -> None:
+    """It would go on sending to the one that was killed, had the next one not told it to stop."""
+    camera = plug()
+    first = capturing(camera, out)
+    ended(first, signal.SIGKILL)
+    while "another program has the camera" in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err:
+        time.sleep(0.2)
+    assert outcome.code == 0, outcome.err
+
+
+@needs_camera
+def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
+    process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
+    told = "".join(process.stderr.readline() for _ in range(3))
+    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in told
+    assert ended(process, signal.SIGTERM, code=0).err == "0 saved, 0 dropped\n"
+
+
+@needs_camera
+def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
+    camera = plug()
+    assert capture(camera, source="genicam:", code=0).out == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
+    for wrong, words in (
+        (["--pixel-format", "RGB8"], "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12"),
+        (["--gain", "-3"], "--gain is -3; the camera takes 0 to 48"),
+        (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
+        (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
+    ):
+        assert words in capture(camera, "-o", out, *wrong, code=2).err
+    told = capture(camera, "-o", out, source="genicam:another", code=2).err
+    assert "'another' not found; genicam: alone lists the cameras" in told
+
+
+@needs_camera
+def test_the_same_frames_from_every_source_become_the_same_bytes(plug: Plug, tmp_path: Path) -> None:
+    """Only the time differs, and what the camera says of itself."""
+    frame, layout = pack(codes(), "u16"), ["--width", "256", "--height", "192", "--pixel-format", "Mono12", *TILE]
+    (tmp_path / "stream").write_bytes(frame * 3)
+    (tmp_path / "frames").mkdir()
+    for number in range(3):
+        (tmp_path / "frames" / f"{number}.raw").write_bytes(frame)
+    folders = [tmp_path / name for name in ("camera", "folder", "piped")]
+    burst = ["--burst", "3", "-o"]
+    capture(plug(), *TILE, *burst, folders[0], code=0)
+    spawn("capture", tmp_path / "frames", *layout, *burst, folders[1], code=0)
+    with (tmp_path / "stream").open("rb") as stream:
+        spawn("capture", "-", *layout, *burst, folders[2], stdin=stream, code=0)
+    made: list[list[bytes]] = []
+    for folder in folders:
+        pictures = tmp_path / f"{folder.name}-pictures"
+        run("render", folder, "-o", pictures, "-f", "npy", code=0)
+        run("burst", folder, "-o", pictures, "-f", "npy", code=0)
+        mosaics = [read_dng(path) for path in shots(folder)]
+        told = {replace(mosaic.metadata, taken=None) for mosaic in mosaics}
+        assert len(told) == 1
+        assert (told == {CaptureMetadata()}) == (folder is not folders[0])
+        shown = [mosaic.codes.tobytes() + repr((mosaic.pattern, mosaic.calibration)).encode() for mosaic in mosaics]
+        previews = [decode_preview(path.read_bytes()) for path in shots(folder)]
+        made.append([*shown, *previews, *(path.read_bytes() for path in sorted(pictures.glob("*.npy")))])
+    assert len(made[0]) == 3 + 3 + 4
+    assert made[0] == made[1] == made[2]
+
+
+@needs_camera
+def test_the_viewfinder_shows_it(plug: Plug) -> None:
+    camera = plug()
+    process = start("view", SOURCE, "--port", "0", *TILE, before=camera.beside)
+    found = re.search(r"http://\S+/", process.stdout.readline())
+    assert found
+    fetch = "import sys, urllib.request; sys.stdout.buffer.write(urllib.request.urlopen(sys.argv[1]).read(1000))"
+    line = [*camera.beside, sys.executable, "-c", fetch, f"{found[0]}stream.mjpg"]
+    assert b"\xff\xd8\xff" in subprocess.run(line, capture_output=True, check=True, timeout=60).stdout  # a JPEG begins
+    assert "panchroma:" not in ended(process, signal.SIGTERM, code=0).err
+
+
+def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gi", None)
+    assert "apt-get install gir1.2-aravis-0.8 python3-gi" in run("capture", "genicam:", code=2).err

@@ -1,0 +1,149 @@
+"""The tile of every sensor is found where it is, and frames that prove nothing show none."""
+
+from functools import cache
+
+import imagecodecs
+import numpy as np
+import pytest
+
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import CodeArray, FloatArray
+from shared.tiles import TILES, letters_of
+from tests.data import photograph
+from tests.scenes import leaves
+from tools.capture.identity import DENSE, UNKNOWN, identify, pattern_of
+from tools.simulation.sensor import simulate_additive
+
+SCENE = leaves(160, 216)
+LARGE = leaves(256, 320)
+SPARSE = "RWWGWW/WWWWWW/WWWWWW/GWWBWW/WWWWWW/WWWWWW"
+
+
+def tile_of(letters: str, origin: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
+    """The letters from the first pixel on of a tile that begins at `origin`."""
+    rows = np.array([[*row] for row in (letters_of(letters) or letters).split("/")])
+    return tuple("".join(row) for row in np.roll(rows, origin, (0, 1)).tolist())
+
+
+def taken(scene: FloatArray, tile: tuple[str, ...], sigma: float = 0.01, channels: str = "RGB") -> CodeArray:
+    """A scene through the filters of a tile; panchromatic pixels read the sum of the channels, as in the paper."""
+    planes = np.concatenate([scene, scene.sum(axis=2, keepdims=True)], axis=2)
+    size, period = scene.shape[:2], len(tile)
+    which = np.array([[(channels + "W").index(letter) for letter in row] for row in tile])
+    places = np.ix_(*(np.arange(side) % period for side in size))
+    light = np.take_along_axis(planes, which[places][..., None], axis=2)[..., 0]
+    noise = np.random.default_rng(0).normal(0, sigma, size)
+    return np.asarray(256 + 1000 * (light + noise)).clip(0, 4095).astype(np.uint16)
+
+
+def same_sites(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    """Whether the same sites of two tiles are alike, and the same ones panchromatic."""
+    first, second = ("".join(tile) for tile in (one, other))
+    exchanged = dict(zip(first, second, strict=False))
+    return len(first) == len(second) and "".join(exchanged[each] for each in first) == second and exchanged.get("W", "W") == "W"
+
+
+@cache
+def picture(name: str) -> FloatArray:
+    return np.asarray(imagecodecs.png_decode(photograph(name).read_bytes()) / 65535, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("name", "letters", "channels"),
+    [
+        *((name, name, "RGB") for name in TILES),
+        *((f"K={period}", f"K={period}", "RGB") for period in (3, 4, 5, *range(7, 17))),
+        *((f"K={period}", "/".join(CfaPattern.bayer(period, "GRBG").tile), "RGB") for period in (3, 4, 5, *range(7, 17))),
+        *((name, letters, "RGB") for name, letters in DENSE.items()),
+        *(("", letters, "RGB") for letters in (SPARSE, "RWWG/WWWW/WBWW/WWWW")),
+        ("", "CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"),
+    ],
+)
+def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channels: str) -> None:
+    """Those without panchromatic pixels have no pattern; those without a name show which sites are alike."""
+    period = len(tile_of(letters))
+    rows = range(period) if period <= 6 else (1, period - 2)
+    for origin in ((row, (3 * row + 1) % period) for row in rows) if name else [(2, 3)]:
+        tile = tile_of(letters, origin)
+        identity = identify(taken(SCENE if name and period <= 6 else LARGE, tile, channels=channels))
+        assert identity.name == name, origin
+        assert same_sites(identity.tile, tile), origin
+        assert identity.light.shape == (period, period)
+        if name not in ("", *DENSE):
+            assert pattern_of(identity.tile).letters_from() == identity.tile
+
+
+@pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])
+def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letters: str) -> None:
+    infrared = np.concatenate([LARGE, LARGE.mean(axis=2, keepdims=True)], axis=2)
+    tile = tile_of(letters, (1, 2))
+    identity = identify(taken(infrared, tile, channels="RGBE"))
+    assert identity.tile == tuple(UNKNOWN * identity.period for _ in range(identity.period))
+
+
+@pytest.mark.parametrize("letters", ["CY/GM", "GMGM/CYCY/MGMG/CYCY"])
+@pytest.mark.parametrize("name", ["", "linear/intel_tau_001.png", "linear/intel_tau_015.png"])
+def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str) -> None:
+    """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
+    red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
+    identity = identify(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
+    assert (identity.name, identity.separation) == ("", 0.0)
+    assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("linear/intel_tau_003.png", 0.01), ("linear/intel_tau_012.png", 0.03)])
+def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) -> None:
+    """What they do not show is left open: colours of the largest tiles."""
+    for known in [*TILES.values(), "K=3", "K=8", "K=16", *DENSE.values()]:
+        tile = tile_of(known, (3, 1))
+        identity = identify(taken(picture(name), tile, sigma))
+        open_colours = tuple(row.translate(str.maketrans("RGB", UNKNOWN * 3)) for row in tile)
+        assert same_sites(identity.tile, tile) or identity.tile == open_colours
+        assert len(tile) > 6 or UNKNOWN not in "".join(identity.tile)
+
+
+@pytest.mark.parametrize("size", [(159, 215), (131, 211), (160, 199)])
+def test_frames_of_any_size_begin_anywhere_in_the_tile(size: tuple[int, int]) -> None:
+    frame = taken(SCENE, tile_of("Sony"))[-size[0] :, -size[1] :]
+    origin = tuple(now - before for now, before in zip(size, SCENE.shape[:2], strict=True))
+    assert same_sites(identify(frame).tile, tile_of("Sony", (origin[0], origin[1])))
+
+
+def test_black_level_and_gain_do_not_matter() -> None:
+    frame = taken(SCENE, tile_of("Kodak", (1, 2)))
+    assert identify(frame * 8 + 3000).tile == identify(frame).tile == identify(frame // 8).tile
+
+
+def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:
+    grey = SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2)
+    assert identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
+    identity = identify(taken(grey, tile_of("paper", (1, 4))))
+    assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
+    assert pattern_of(identity.tile) is None
+
+
+def test_a_simulated_sensor_is_recognised_up_to_the_exchange_of_colours() -> None:
+    pattern = CfaPattern.of_letters("honda", (3, 2))
+    shot = simulate_additive(SCENE, pattern, SensorCalibration.of_bits(12), 0.01, np.random.default_rng(0))
+    identity = identify(shot.codes)
+    exchanged = tuple(row.translate(str.maketrans("RB", "BR")) for row in pattern.letters_from())
+    assert identity.tile in (pattern.letters_from(), exchanged)
+
+
+GREY = (256 + 3000 * SCENE.mean(axis=2)).astype(np.uint16)
+NOTHING = {
+    "flat": np.full((200, 300), 512, np.uint16),
+    "noise": np.random.default_rng(0).normal(500, 20, (200, 300)).astype(np.uint16),
+    "ramp": np.add.outer(np.arange(200), np.arange(300)).astype(np.uint16),
+    "a monochrome sensor": GREY,
+    "an overexposed frame": np.full((200, 300), 4095, np.uint16),
+    "a dark frame": np.random.default_rng(0).integers(255, 258, (200, 300)).astype(np.uint16),
+    "a small part": taken(SCENE, tile_of("Kodak"))[:40, :40],
+    "a line": taken(SCENE, tile_of("Kodak"))[:1],
+    "a pixel": np.ones((1, 1), np.uint16),
+}
+
+
+@pytest.mark.parametrize("kind", NOTHING)
+def test_frames_that_prove_nothing_show_nothing(kind: str) -> None:
+    assert identify(NOTHING[kind]) is None

@@ -1,0 +1,403 @@
+import errno
+import json
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from datetime import datetime
+from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
+from itertools import cycle
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+
+from device.capture import PreviewMaker, Sensor
+from device.capture.frames import FrameLayout, RawFrame
+from device.capture.shots import ShotFolder
+from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray
+from shared.dng import read_preview
+from shared.errors import InputError, OutputError
+from tests.device.packer import random_codes
+from tests.tools.command import names
+from tools.capture import server, viewfinder
+from tools.capture.server import ViewfinderServer
+from tools.capture.viewfinder import Viewfinder, fitting_scale, show_frames
+
+SIZE = (20, 30)
+
+
+SENSOR = Sensor(
+    FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), SensorCalibration(black_level=(0.0,) * 4, white_level=1023)
+)
+
+
+def grey(mosaic: Mosaic) -> ByteArray:
+    return np.repeat((mosaic.codes >> 2).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+def noise(mosaic: Mosaic) -> ByteArray:
+    """A large picture, for a small frame: some 4 MB of JPEG."""
+    return np.random.default_rng(int(mosaic.codes[0, 0])).integers(0, 256, (1500, 2000, 3)).astype(np.uint8)
+
+
+def codes(number: int) -> Any:
+    return random_codes(SIZE, 10, number)
+
+
+def show(finder: Viewfinder, number: int, preview: PreviewMaker = grey) -> None:
+    frame = RawFrame.now(codes(number).tobytes())
+    mosaic = SENSOR.mosaic(frame)
+    finder.show(preview(mosaic), mosaic, frame.taken, frame.arrived)
+
+
+class Served:
+    """A viewfinder at work."""
+
+    def __init__(self, folder: Path | None, *hosts: str) -> None:
+        self.finder = Viewfinder(lambda: 7, ShotFolder(folder) if folder else None)
+        self.faults: list[BaseException] = []
+        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder, self.faults.append, hosts)
+        self.port = int(self.server.server_address[1])
+        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def ask(self, path: str, method: str = "GET", **headers: str) -> HTTPResponse:
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection.request(method, path, headers=headers)
+        return connection.getresponse()
+
+    def facts(self, path: str, method: str = "GET", **headers: str) -> tuple[int, dict[str, Any]]:
+        answer = self.ask(path, method, **headers)
+        return answer.status, json.loads(answer.read())
+
+    def close(self) -> None:
+        self.finder.close()
+        self.server.shutdown()
+        self.server.server_close()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    with closing(Served(tmp_path)) as running:
+        yield running
+
+
+@pytest.fixture
+def shown(served: Served) -> Served:
+    """One that shows a picture."""
+    show(served.finder, 0)
+    return served
+
+
+def pictures(stream: HTTPResponse) -> Iterator[bytes]:
+    """The JPEG files of a multipart stream (RFC 2046)."""
+    kind = stream.headers["Content-Type"]
+    found = re.fullmatch(r"multipart/x-mixed-replace; boundary=(\w+)", kind)
+    assert found, kind
+    assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+    while True:
+        head = {}
+        while line := stream.readline().strip():
+            name, _, value = line.partition(b": ")
+            head[name] = value
+        assert head[b"Content-Type"] == b"image/jpeg"
+        yield stream.read(int(head[b"Content-Length"]))
+        assert stream.readline() == b"\r\n"
+        assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+
+
+def test_the_stream_shows_each_picture(shown: Served) -> None:
+    stream = pictures(shown.ask("/stream.mjpg"))
+    for number in range(3):
+        picture = imagecodecs.jpeg8_decode(next(stream))
+        assert picture.shape == (*SIZE, 3)
+        this, another = (abs(picture - codes(each)[..., None] / 4).mean() for each in (number, number + 1))
+        assert this < 12  # JPEG of noise
+        assert another > 60
+        show(shown.finder, number + 1)
+
+
+class Restless:
+    """A lock after whose release some threads pause, so that others may overtake them."""
+
+    pauses = cycle((0.01, 0.0, 0.0))
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+        time.sleep(next(self.pauses))
+
+
+def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    finder, seen, shown, refused = Viewfinder(lambda: 0), list[int](), list[int](), list[InputError]()
+    first = [int(codes(number)[0, 0]) for number in range(20)]
+
+    def preview(mosaic: Mosaic) -> ByteArray:
+        seen.append(int(mosaic.codes[0, 0]))
+        return grey(mosaic)
+
+    monkeypatch.setattr(viewfinder, "Lock", Restless)
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived, **_: shown.append(int(mosaic.codes[0, 0])))
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, preview, finder, refused.append)
+    assert shown == seen == first
+    assert refused == []
+
+
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> None:
+    def frames() -> Iterator[RawFrame]:
+        for number in range(5):
+            yield RawFrame.now(codes(number).tobytes()[: None if number != 2 else -1])
+        raise InputError("the stream broke")
+
+    finder, refused = Viewfinder(lambda: 0), list[InputError]()
+    with pytest.raises(InputError, match="the stream broke"):
+        show_frames(frames(), SENSOR, grey, finder, refused.append)
+    assert finder.status()["frames"] == 4
+    assert len(refused) == 1
+
+
+def test_the_figures(served: Served) -> None:
+    none = {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
+    assert served.facts("/status") == (200, none | {"silent": True, "clipped": 0.0})
+    for number in range(3):
+        show(served.finder, number)
+    _, facts = served.facts("/status")
+    assert min(facts["fps"], facts["latency_ms"]) > 0
+    assert (facts["frames"], facts["width"], facts["height"]) == (3, 30, 20)
+
+
+@pytest.mark.parametrize(("interval", "rate"), [(0.05, 20.0), (2.5, 0.4), (30.0, 1 / 30)])
+def test_a_camera_is_silent_by_its_own_interval(monkeypatch: pytest.MonkeyPatch, interval: float, rate: float) -> None:
+    now = 100.0
+    monkeypatch.setattr(viewfinder, "monotonic", lambda: now)
+    finder = Viewfinder(lambda: 0)
+    for number in range(5):
+        now += interval
+        show(finder, number)
+        now += 0.9 * interval
+        assert not finder.status()["silent"]
+        now -= 0.9 * interval
+    assert finder.status()["fps"] == pytest.approx(rate)
+    now += max(2.0, 2.5 * interval) + 0.01
+    assert finder.status()["silent"]
+    assert finder.status()["fps"] == 0.0
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, 1.0])
+def test_the_part_of_the_samples_that_is_clipped(part: float) -> None:
+    frame = np.full(SIZE, 500, "<u2")
+    frame[:, : round(part * SIZE[1])] = 1023
+    finder = Viewfinder(lambda: 0)
+    mosaic = SENSOR.mosaic(RawFrame.now(frame.tobytes()))
+    finder.show(grey(mosaic), mosaic, datetime.now().astimezone(), 0.0)
+    assert finder.status()["clipped"] == pytest.approx(part, abs=0.02)
+
+
+def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
+    for number in range(3):
+        show(served.finder, number, lambda mosaic: np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8))
+    for _ in range(2):
+        status, facts = served.facts("/capture", "POST", Origin=f"http://127.0.0.1:{served.port}")
+        assert status == 200
+        assert np.array_equal(read_dng(tmp_path / facts["file"]).codes, codes(2))
+        picture = imagecodecs.jpeg8_decode(read_preview(tmp_path / facts["file"]))
+        assert picture.shape == (5, 7, 3)
+        assert abs(picture - codes(2)[0, 0] / 4).max() < 3
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, full_disk: Callable[[], None]) -> None:
+    assert served.facts("/capture", "POST") == (409, {"error": "there is no frame: the camera has not begun, or has ended"})
+    show(served.finder, 0)
+    full_disk()
+    status, facts = served.facts("/capture", "POST")
+    assert status == 507
+    assert "the disk is full" in facts["error"]
+    assert str(tmp_path) not in facts["error"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_folder_nothing_is_saved() -> None:
+    with closing(Served(None)) as running:
+        show(running.finder, 0)
+        assert running.facts("/status")[1]["can_save"] is False
+        assert running.facts("/capture", "POST") == (409, {"error": "no folder for shots: start with -o DIR"})
+
+
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Content-Security-Policy": "default-src 'none'.*frame-ancestors 'none'",
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [("/", "text/html"), ("/?again", "text/html"), ("/style.css", "text/css"), ("/script.js", "text/javascript")],
+)
+def test_the_page_is_for_this_site_alone(served: Served, path: str, kind: str) -> None:
+    answer = served.ask(path)
+    assert answer.status == 200
+    assert [name for name, value in (HEADERS | {"Content-Type": kind}).items() if not re.match(value, answer.headers[name])] == []
+    assert len(answer.read()) == int(answer.headers["Content-Length"])
+
+
+LOOKED = [("GET", "/"), ("GET", "/status"), ("GET", "/stream.mjpg"), ("POST", "/capture")]
+OWN = ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:8000", "192.168.1.7:8000", socket.gethostname()]
+# An attacker's page reaches this server under the attacker's name: DNS rebinding.
+FOREIGN = ["evil.example", "evil.example:{port}", "localhost.evil.example", "127.0.0.1.evil.example", "", "[::1"]
+ORIGINS = ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"]
+PLACES = ["/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/page/style.css", "/secret", "*"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "headers", "status"),
+    [
+        *((*asked, {"Host": host}, 421) for host in FOREIGN for asked in LOOKED),
+        *(("GET", "/status", {"Host": host}, 200) for host in OWN),
+        *(("POST", "/capture", {"Origin": origin}, 403) for origin in ORIGINS),
+        *(("GET", place, {}, 404) for place in PLACES),
+        ("GET", "/capture", {}, 404),  # looking changes nothing
+        ("POST", "/stream.mjpg", {}, 404),
+        ("PUT", "/capture", {}, 501),
+    ],
+)
+def test_who_may_ask_for_what(shown: Served, tmp_path: Path, method: str, path: str, headers: dict[str, str], status: int) -> None:
+    """Nothing is saved for another site's name or page, and there is nothing but the page."""
+    (tmp_path / "secret").touch()
+    asked = {name: value.format(port=shown.port) for name, value in headers.items()}
+    assert shown.ask(path, method, **asked).status == status
+    assert names(tmp_path) == {"secret"}
+
+
+def test_a_watcher_that_does_not_read_holds_up_nobody(served: Served) -> None:
+    with socket.create_connection(("127.0.0.1", served.port)) as sleeper:
+        sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sleeper.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
+        assert sleeper.recv(12) == b"HTTP/1.0 200"
+        awake = pictures(served.ask("/stream.mjpg"))
+        for number in range(5):
+            show(served.finder, number, noise)
+            assert next(awake) == served.finder.after(number).jpeg
+        assert served.facts("/status")[1]["frames"] == 5
+
+
+def test_seats_are_few_and_come_free(shown: Served) -> None:
+    watchers = [shown.ask("/stream.mjpg") for _ in range(8)]
+    assert [watcher.status for watcher in watchers] == [200] * 8
+    assert shown.facts("/stream.mjpg") == (503, {"error": "8 people look through this camera already"})
+    watchers.pop().close()
+    assert shown.ask("/stream.mjpg").status == 200  # though no picture is sent meanwhile
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_reloading_the_page_of_a_silent_camera_takes_no_seat(served: Served, frames: int) -> None:
+    for number in range(frames):
+        show(served.finder, number)
+    for _ in range(20):
+        watcher = served.ask("/stream.mjpg")
+        assert watcher.status == 200
+        watcher.close()
+
+
+def test_the_full_name_of_the_machine_and_allowed_names_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    server._full_name.cache_clear()
+    monkeypatch.setattr(socket, "getfqdn", lambda: "Camera.fritz.box")
+    with closing(Served(tmp_path, "Camera.example.org", "gate.example")) as running:
+        show(running.finder, 0)
+        for host in ("camera.fritz.box:8000", "CAMERA.example.org", "camera.example.org.:443", "gate.example"):
+            assert running.ask("/status", Host=host).status == 200
+        for host in ("camera.fritz.box.evil.example", "x.camera.example.org", "example.org", ".", ""):
+            assert running.ask("/status", Host=host).status == 421
+        for host in (f"127.0.0.1:{running.port}", "camera.example.org"):  # proxies pass on another one, or the same
+            for origin, status in (
+                ("https://camera.example.org", 200),
+                ("https://camera.example.org:8443", 200),
+                ("https://evil.example", 403),
+                ("https://camera.example.org.evil.example", 403),
+                ("null", 403),
+                ("", 403),
+            ):
+                assert running.ask("/capture", "POST", Host=host, Origin=origin).status == status
+    server._full_name.cache_clear()
+
+
+def test_the_page_has_relative_links_alone(served: Served) -> None:
+    """So that a proxy may serve it below a path."""
+    page = served.ask("/").read().decode() + served.ask("/script.js").read().decode()
+    links = re.findall(r"""(?:src|href)="([^"]*)"|fetch\("([^"]*)"|picture\.src = `([^`]*)`""", page)
+    assert len(links) == 8
+    assert [link for link in map("".join, links) if link.startswith("/") or "//" in link] == []
+
+
+def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    class Slow(ShotFolder):
+        def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
+            begun.set()
+            assert go_on.wait(60)
+            return super().save(mosaic, picture, taken)
+
+    finder = Viewfinder(lambda: 0, Slow(tmp_path))
+    show(finder, 0)
+    with ThreadPoolExecutor() as pool:
+        watcher, _ = pool.submit(finder.after, 1), pool.submit(finder.shoot)
+        assert begun.wait(60)
+        threading.Timer(0.2, go_on.set).start()
+        finder.close()
+        assert len(list(tmp_path.glob("*.dng"))) == 1
+        assert watcher.result(60) is None
+    with pytest.raises(InputError, match="has ended"):
+        finder.shoot()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "192.0.2.1"])
+def test_an_address_that_is_taken_or_not_ours(served: Served, host: str) -> None:
+    with pytest.raises(OutputError, match=f"{host} port {served.port}: nothing can be served there"):
+        ViewfinderServer((host, served.port), served.finder, print)
+
+
+@pytest.mark.parametrize(
+    ("width", "period", "scale"),
+    [(1440, 6, 1), (1441, 6, 2), (4056, 6, 3), (4608, 6, 6), (4056, 4, 4), (9000, 7, 7), (9000, 4, 4), (3000, 9, 3)],
+)
+def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: int, scale: int) -> None:
+    assert fitting_scale(width, CfaPattern.bayer(period)) == scale
+
+
+def test_without_descriptors_it_waits_quietly_and_goes_on(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Connections are accepted again a few times a second, not without end, and the page needs no file."""
+    refused, pauses = list[socket.socket](), list[float]()
+    real = socket.socket.accept
+
+    def accept(self: socket.socket) -> Any:
+        if len(refused) < 3:
+            refused.append(self)
+            raise OSError(errno.EMFILE, "Too many open files")
+        return real(self)
+
+    monkeypatch.setattr(server, "time", SimpleNamespace(sleep=pauses.append))
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("opened a file"))
+    assert served.ask("/").status == 200
+    assert pauses == [server._PAUSE] * 3
+
+
+def test_what_goes_wrong_in_a_handler_is_reported(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Viewfinder, "status", lambda _: 1 / 0)
+    with pytest.raises((RemoteDisconnected, ConnectionError)):
+        served.ask("/status")
+    assert [type(each) for each in served.faults] == [ZeroDivisionError]

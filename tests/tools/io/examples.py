@@ -1,0 +1,68 @@
+"""Small pictures, and how they are written."""
+
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shared import CaptureMetadata, SensorCalibration
+from shared.arrays import FloatArray
+from shared.tiff import encode_tiff
+from tests.shared.dng import examples
+from tools.io.development import Development, write_picture
+from tools.io.display import ColourTransform
+from tools.io.formats import FORMATS
+from tools.io.formats.dng import PART, encode_part, linear_dng
+from tools.io.kind import PictureKind
+from tools.io.samples import upright
+
+CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
+METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found
+SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
+KINDS = [
+    PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths
+]
+
+
+def scene(shape: tuple[int, int], channels: int = 3, seed: int = 0) -> FloatArray:
+    """Random scene units, some below black and past white."""
+    return np.random.default_rng(seed).uniform(-0.1, 1.3, (*shape, channels)).astype(np.float32)
+
+
+def development(kind: PictureKind, shape: tuple[int, ...], orientation: int = 6, **changed: Any) -> Development:
+    """How a rendering of `shape` becomes a picture; changed: fields of it."""
+    whole = Development(kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation))
+    return replace(whole, **changed)
+
+
+def encode_picture(rgb: FloatArray, development: Development) -> bytes:
+    """The content of the file that `write_picture` writes."""
+    with TemporaryDirectory() as folder:
+        write_picture(path := Path(folder) / "picture", [rgb], development)
+        return path.read_bytes()
+
+
+def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed: Any) -> BytesIO:
+    """The file of a picture; changed: fields of its development."""
+    return BytesIO(encode_picture(rgb, development(kind, rgb.shape, orientation, **changed)))
+
+
+def picture_dng(
+    rgb: FloatArray,
+    camera_to_xyz: ArrayLike | None = None,
+    neutral: ArrayLike | None = None,
+    metadata: CaptureMetadata = examples.METADATA,
+) -> bytes:
+    """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
+    shape, preview = (rgb.shape[0], rgb.shape[1]), (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
+    parts = [encode_part(rgb[top : top + PART], shape) for top in range(0, shape[0], PART)]
+    return encode_tiff(linear_dng(parts, preview, metadata, camera_to_xyz, neutral))
+
+
+def shown(rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+    """A picture as the file is to show it, before it is quantised."""
+    return upright(ColourTransform.to_space(calibration, space).apply(rgb), orientation)

@@ -1,0 +1,307 @@
+"""Camera RAWs and linear DNGs: the step from quads to pixels, levels, colours, and sensors that have no quads."""
+
+from datetime import datetime
+from io import BytesIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+import tifffile
+
+from shared.arrays import CodeArray, DoubleArray
+from shared.colorimetry import D50, D65_XY, adaptation, xyz
+from shared.errors import InputError
+from shared.lights import ILLUMINANTS
+from shared.pattern import BAYER_ORDERS
+from shared.white_balance import shades_of_grey
+from tests.python import run_python
+from tests.tools.io.files import ASCII, LINEAR_RAW, LONG, RATIONAL, SHORT, SRATIONAL, Fields, rationals, write_dng
+from tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
+from tools.io.scene import Scene
+from tools.simulation.load import load_scene
+
+# XYZ -> camera for D65, as a real camera's: Nikon D50 in the tables of dcraw.
+MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]) / 10000
+
+
+def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
+    """The scene in a DNG with these samples, quads as they are. Arguments: of `write_dng`."""
+    return load_scene(write_dng(path / "a.dng", *arguments, **options), registered=False)
+
+
+PLACES = [(0, 1), (1, 0), (1, 1), (3, 2)]
+
+
+def noise(rows: int, columns: int, *more: int) -> CodeArray:
+    return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
+
+
+@pytest.mark.parametrize(("order", "rows", "columns"), [(BAYER_ORDERS[0], 60, 80), *((order, 61, 83) for order in BAYER_ORDERS)])
+def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: int, columns: int) -> None:
+    samples = noise(rows, columns)
+    scene = loaded(tmp_path, samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])})
+    assert scene.shape == (rows // 2, columns // 2)
+    light = (samples - 100.0) / 3995
+    for row, column in ((0, 0), (7, 13), (rows // 2 - 1, columns // 2 - 1)):
+        quad = light[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].ravel()
+        expected = [np.mean([value for value, letter in zip(quad, order, strict=True) if letter == channel]) for channel in "RGB"]
+        np.testing.assert_allclose(scene.rgb[row, column], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path, order: str) -> None:
+    y, x = np.indices((80, 96)).astype(np.float64)
+    light = 2000 + 900 * np.sin(2 * np.pi * y / 23) * np.cos(2 * np.pi * x / 31)  # of all filters
+    path = write_dng(tmp_path / "a.dng", np.rint(light).astype(np.uint16), order, fields={50717: (SHORT, [4000])})
+    quads, registered = (load_scene(path, registered=each).rgb[4:-4, 4:-4] for each in (False, True))
+    apart, left = (np.abs(rgb[..., ::2] - rgb[..., 1:2]).max() for rgb in (quads, registered))
+    assert apart > 0.03
+    assert left < 0.004  # the mean of two greens is a little less than the light between them
+    np.testing.assert_array_equal(quads[..., 1], registered[..., 1])
+
+
+@pytest.mark.parametrize(
+    ("order", "top", "left"),
+    [(order, *place) for shift in (0, 1) for order, place in zip(BAYER_ORDERS, [*PLACES[shift:], *PLACES[:shift]], strict=True)],
+)
+def test_the_visible_area_may_begin_anywhere(tmp_path: Path, order: str, top: int, left: int) -> None:
+    """Every sample tells its filter, so that a wrong phase would show; LibRaw may begin later than the file says."""
+    phase = {"R": 1000, "G": 2000, "B": 3000}
+    samples = np.zeros((64, 72), np.uint16)
+    for row, column in np.ndindex(64, 72):
+        samples[row, column] = phase[order[(row - top) % 2 * 2 + (column - left) % 2]]
+    fields = {50829: (LONG, [top, left, 64, 72]), 50717: (SHORT, [4000])}
+    scene = loaded(tmp_path, samples, order, fields=fields)
+    np.testing.assert_array_equal(scene.rgb, np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), scene.rgb.shape))
+
+
+def test_each_colour_has_its_own_black(tmp_path: Path) -> None:
+    fields = {50713: (SHORT, [2, 2]), 50714: (SHORT, [100, 200, 300, 400]), 50717: (SHORT, [1400])}
+    samples = np.full((60, 80), 500, np.uint16)
+    scene = loaded(tmp_path, samples, "RGGB", fields=fields)
+    expected = (400 / 1300, (300 / 1200 + 200 / 1100) / 2, 100 / 1000)
+    np.testing.assert_allclose(scene.rgb, np.broadcast_to(expected, scene.rgb.shape), rtol=1e-6)
+
+
+def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: Path) -> None:
+    samples = np.full((60, 80), 90, np.uint16)
+    samples[:2, :2] = 2100
+    scene = loaded(tmp_path, samples, fields={50714: (SHORT, [100]), 50717: (SHORT, [1100])})
+    assert scene.rgb[1:, 1:].max() == 0
+    np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
+
+
+@pytest.mark.parametrize("matrix", [MATRIX, np.eye(3)], ids=["matrix", "unit"])
+def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(tmp_path: Path, matrix: DoubleArray) -> None:
+    fields = {50721: (SRATIONAL, rationals(matrix)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
+    scene = loaded(tmp_path, noise(60, 80), fields=fields)
+    assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
+    if matrix is MATRIX:
+        np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+    assert (scene.camera_to_xyz is None, len(scene.notes)) == ((False, 0) if matrix is MATRIX else (True, 1))
+
+
+@pytest.mark.parametrize("light", ["A", "D65"])
+def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(tmp_path: Path, light: str) -> None:
+    under = {"A": MATRIX + 0.05, "D65": MATRIX}
+    neutral = under[light] @ xyz(*ILLUMINANTS[light])
+    neutral /= neutral.max()
+    matrices = {50721: (SRATIONAL, rationals(under["A"])), 50722: (SRATIONAL, rationals(under["D65"]))}
+    fields = {**matrices, 50778: (SHORT, [17]), 50779: (SHORT, [21]), 50728: (RATIONAL, rationals(neutral))}
+    scene = loaded(tmp_path, noise(60, 80), fields=fields)
+    expected = camera_to_xyz(under[light], tuple(neutral.tolist()), ILLUMINANTS[light])
+    np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-3)  # fractions of four digits
+
+
+def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    shade = rng.uniform(0.1, 0.9, (30, 40, 1)) * (0.5, 1.0, 0.7) * 4000
+    samples = np.zeros((60, 80))
+    samples[::2, ::2], samples[::2, 1::2], samples[1::2, ::2], samples[1::2, 1::2] = np.moveaxis(shade[..., [0, 1, 1, 2]], -1, 0)
+    scene = loaded(tmp_path, samples.astype(np.uint16), fields={50717: (SHORT, [4000])})
+    assert scene.neutral == pytest.approx((0.5, 1.0, 0.7), abs=0.005)
+    assert any("no white balance" in note and "0.500, 1.000" in note for note in scene.notes)
+    assert scene.camera_to_xyz is None
+    black = loaded(tmp_path, np.zeros((60, 80), np.uint16))
+    assert black.neutral is None
+    assert any("too dark" in note for note in black.notes)
+
+
+def test_capture_data(tmp_path: Path) -> None:
+    texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
+    odd = {33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
+    fields = {**{tag: (2, text) for tag, text in texts.items()}, 33434: (RATIONAL, (1, 50)), 274: (SHORT, [6]), **odd}
+    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
+    assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
+    assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
+    assert metadata.exposure_time == pytest.approx(0.02)
+    assert metadata.orientation == 6
+    assert (metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 3
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_holds(tmp_path: Path, order: Any) -> None:
+    held = []
+    for make in ("First", "Second"):
+        file, fields = BytesIO(), [(271, "s", 0, make, True)]
+        tifffile.imwrite(file, np.zeros((2, 2), np.uint8), byteorder=order, metadata=None, extratags=fields)
+        held.append(file.getvalue())
+    (tmp_path / "other.raf").write_bytes(b"FUJIFILMCCD-RAW II*" + held[0] + held[1])
+    assert raw_directories(tmp_path / "other.raf").main[271].data == b"First\0"
+
+
+@pytest.mark.parametrize(
+    ("letters", "pattern", "reason"),
+    [
+        ("RGBE", [[0, 1], [3, 2]], "the filters are RGEB"),
+        ("CMYG", [[0, 1], [2, 3]], "the filters are CMYG"),
+        ("RGBG", [[0, 2], [1, 3]], "the filters are RBGG"),
+        ("RGBG", [[0, 1], [2, 3]], "the filters are RGBG"),
+        ("RGBG", [[0, 1, 0, 1], [3, 2, 3, 2]], "every 4 x 2"),
+    ],
+)
+def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason: str) -> None:
+    """Sensors of which no file is at hand, as LibRaw describes them."""
+    raw = SimpleNamespace(
+        raw_type=rawpy.RawType.Flat, raw_image=1, num_colors=4, color_desc=letters.encode(), raw_pattern=np.array(pattern, np.uint8)
+    )
+    with pytest.raises(InputError, match=reason):
+        bayer_pattern(raw)
+
+
+@pytest.mark.parametrize("illuminant", [D65_XY, (0.4476, 0.4074)])
+@pytest.mark.parametrize("neutral", [(0.5, 1.0, 0.7), (1.0, 0.8, 0.2)])
+def test_the_matrix_keeps_white_white(illuminant: tuple[float, float], neutral: tuple[float, ...]) -> None:
+    np.testing.assert_allclose(np.array(camera_to_xyz(MATRIX, neutral, illuminant)) @ neutral, D50, atol=1e-12)
+
+
+def test_under_its_own_light_the_matrix_is_the_plain_inverse() -> None:
+    white = xyz(*D65_XY)
+    neutral = MATRIX @ white
+    found = np.array(camera_to_xyz(MATRIX, tuple((neutral / neutral.max()).tolist())))
+    np.testing.assert_allclose(found / neutral.max(), adaptation(white, D50) @ np.linalg.inv(MATRIX), atol=1e-12)
+
+
+def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
+    rgb = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)) * np.array([0.6, 1.0, 0.4])
+    rgb[:5] = 1.0
+    rgb[5:10] = (0.01, 0.001, 0.001)
+    assert shades_of_grey(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
+    assert shades_of_grey(np.ones((20, 20, 3), np.float32)) is None
+    assert shades_of_grey(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell
+
+
+READING = """
+import sys
+from importlib import import_module
+from tools.io import camera_raw
+for module in camera_raw.NEEDED:
+    import_module(module)
+before = set(sys.modules)
+camera_raw.unpack_quads(sys.argv[1], 1 << 20)
+print(*sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
+"""
+
+
+def test_reading_imports_no_package_while_its_time_is_counted(tmp_path: Path) -> None:
+    """Importing SciPy took longer than reading a small file may take: on a busy machine it was called damaged."""
+    samples = np.random.default_rng(0).integers(100, 4000, (60, 80), np.uint16)
+    samples[20:30, 20:30] = 65535  # clipped: to be made white
+    assert run_python(READING, write_dng(tmp_path / "a.dng", samples)) == "\n"
+
+
+# --- linear DNGs -----------------------------------------------------------------------------------------------------------------
+
+SHAPE = (40, 52, 3)
+NEUTRAL = (0.5, 1.0, 0.625)
+LOSSLESS = {"lossless": True, "predictor": 1, "bitspersample": 16}
+CAMERA: Fields = {
+    50721: (SRATIONAL, rationals(((0.8, -0.2, -0.1), (-0.4, 1.2, 0.2), (-0.1, 0.2, 0.6)))),
+    50778: (SHORT, [21]),
+    50728: (RATIONAL, rationals(NEUTRAL)),
+    274: (SHORT, [6]),
+    271: (ASCII, "Contax"),
+}
+
+
+def codes(dtype: Any = np.uint16, seed: int = 0) -> Any:
+    values = np.random.default_rng(seed).integers(0, 60000, SHAPE)
+    return values.astype(dtype) if np.dtype(dtype).kind == "u" else (values / 65536).astype(dtype)
+
+
+def save(path: Path, samples: Any, fields: Fields | None = None, *, below: bool = True, **options: Any) -> str:
+    """A linear DNG, its samples in the first directory or below it; fields: of the samples' directory."""
+    where: Any = {"fields": fields, "above": CAMERA} if below else {"fields": {**CAMERA, **(fields or {})}}
+    return write_dng(path, samples, kind=LINEAR_RAW, **where, **options)
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize(
+    ("dtype", "options"),
+    [
+        (np.uint16, {}),
+        (np.uint16, {"tile": (16, 32)}),
+        (np.uint16, {"rowsperstrip": 7}),
+        (np.uint16, {"compression": "deflate", "rowsperstrip": 16}),
+        (np.uint16, {"compression": "deflate", "predictor": True, "tile": (32, 16)}),
+        (np.uint16, {"compression": "jpeg", "compressionargs": LOSSLESS, "tile": (32, 16), "bitspersample": 16}),
+        (np.float32, {}),
+        (np.float32, {"compression": "deflate", "predictor": True, "tile": (16, 16)}),
+        (np.float16, {"compression": "deflate", "predictor": True}),
+    ],
+)
+def test_samples_of_every_lossless_kind(tmp_path: Path, dtype: Any, options: dict[str, Any], below: bool) -> None:
+    samples = codes(dtype)
+    scene = load_scene(save(tmp_path / "x.dng", samples, below=below, **options))
+    np.testing.assert_allclose(scene.rgb, samples.astype(np.float64) / (65535 if samples.dtype.kind == "u" else 1), atol=1e-6)
+    assert scene.neutral == pytest.approx(NEUTRAL)
+    assert not scene.neutral_estimated
+    np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ NEUTRAL, D50, atol=1e-4)
+    assert (scene.metadata.orientation, scene.metadata.make) == (6, "Contax")
+
+
+def test_levels_table_and_active_area(tmp_path: Path) -> None:
+    samples = np.minimum(codes(), 38000)  # nothing is clipped
+    black = np.array([[[100, 200, 300], [110, 210, 310]]])
+    fields: Fields = {
+        50713: (SHORT, (1, 2)),
+        50714: (RATIONAL, rationals(black)),
+        50715: (SRATIONAL, rationals(np.arange(48) / 4)),
+        50717: (LONG, (60000, 50000, 40000)),
+        50829: (LONG, (2, 3, 38, 51)),
+    }
+    path = save(tmp_path / "x.dng", samples, fields)
+    levels = np.tile(black, (36, 24, 1)) + np.arange(48)[None, :, None] / 4
+    expected = (samples[2:38, 3:51] - levels) / (np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1)))
+    np.testing.assert_allclose(load_scene(path).rgb, expected.clip(0), atol=1e-5)
+    table = np.linspace(0, 65535, 4096).astype(int)
+    short = np.random.default_rng(0).integers(0, 4000, SHAPE).astype(np.uint16)
+    path = save(tmp_path / "y.dng", short, {50712: (SHORT, table.tolist()), 50717: (SHORT, [65535])})
+    np.testing.assert_allclose(load_scene(path).rgb, table[short] / 65535, atol=1e-6)
+
+
+def test_without_a_neutral_it_is_estimated_and_marked(tmp_path: Path) -> None:
+    samples = (codes() * np.array(NEUTRAL)).astype(np.uint16)
+    scene = load_scene(write_dng(tmp_path / "x.dng", samples, kind=LINEAR_RAW))
+    assert scene.neutral_estimated
+    assert scene.neutral == pytest.approx(NEUTRAL, abs=0.05)
+    assert "is estimated from the scene" in scene.notes[0]
+
+
+def test_the_rim_of_a_clipped_sky_has_no_colour_after_the_registration(tmp_path: Path) -> None:
+    neutral, (y, x) = np.array([0.5, 1.0, 0.625]), np.indices((80, 96))
+    light = 0.2 + 1.4 / (1 + np.exp((y + 0.3 * x - 50) / 1.2))  # a roof before a sky
+    seen = np.choose(y % 2 + x % 2, neutral) * light
+    samples = np.minimum(np.rint(4000 * seen), 4000).astype(np.uint16)
+    fields = {
+        50717: (SHORT, [4000]),
+        50728: (RATIONAL, rationals(neutral)),
+        50721: (SRATIONAL, rationals(MATRIX)),
+        50778: (SHORT, [21]),
+    }
+    rgb = load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields)).rgb[3:-3, 3:-3] / neutral
+    assert rgb.max() > 1
+    assert (np.ptp(rgb, axis=2) / rgb.mean(axis=2)).max() < 0.05  # 0.5 without registration

@@ -1,0 +1,154 @@
+"""Scenes with other channels than red, green and blue: the same light from every format, and what is none of it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+
+from shared.errors import InputError
+from tests.tools.io.files import save
+from tools.io.scene import Scene
+from tools.simulation.load import load_scene
+
+BANDS = "VRNGU"
+LIGHT = np.random.default_rng(3).random((21, 34, 5), np.float32)
+
+
+def pages(path: Path, light: Any, **options: Any) -> Path:
+    with tifffile.TiffWriter(path) as file:
+        for index in range(light.shape[2]):
+            file.write(np.ascontiguousarray(light[..., index]), photometric="minisblack", contiguous=False, **options)
+    return path
+
+
+def load(path: Path, channels: str = BANDS) -> Scene:
+    return load_scene(str(path), channels=channels)
+
+
+@pytest.mark.parametrize("kind", ["npy", "exr", "contig", "planar", "pages", "series", "tiles"])
+def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
+    path, planes = tmp_path / "a.tif", np.moveaxis(LIGHT, -1, 0).copy()
+    match kind:
+        case "npy":
+            path = save(tmp_path / "a.npy", LIGHT)
+        case "exr":
+            path = save(tmp_path / "a.exr", LIGHT, BANDS)
+        case "contig":
+            tifffile.imwrite(path, LIGHT, photometric="minisblack", planarconfig="contig")
+        case "planar":
+            tifffile.imwrite(path, planes, photometric="minisblack", planarconfig="separate", compression="deflate")
+        case "pages":
+            pages(path, LIGHT, compression="lzw")
+        case "series":
+            tifffile.imwrite(path, planes, photometric="minisblack")
+        case "tiles":
+            pages(path, LIGHT, tile=(16, 16))
+    scene = load(path)
+    assert np.array_equal(scene.rgb, LIGHT)
+    assert (scene.channels, scene.camera_to_xyz, scene.neutral) == (BANDS, None, (1.0,) * 5)
+    named = ["in this order" in note and "V, R, N, G, U" in note for note in scene.notes]
+    assert named == ([] if kind == "exr" else [True])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_integers_are_linear_light(tmp_path: Path, dtype: type) -> None:
+    codes: np.ndarray[Any, Any] = (LIGHT * np.iinfo(dtype).max).astype(dtype)
+    for path in (save(tmp_path / "a.npy", codes), pages(tmp_path / "a.tif", codes)):
+        scene = load(path)
+        np.testing.assert_allclose(scene.rgb, codes / np.iinfo(dtype).max, atol=1e-6)
+        assert ["linear light" in note for note in scene.notes] == [True]
+
+
+def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(tmp_path: Path) -> None:
+    four, short = LIGHT[..., :4], (LIGHT[..., :4] * 65535).astype(np.uint16)
+    tifffile.imwrite(tmp_path / "bands.tif", four, photometric="minisblack", planarconfig="contig")
+    tifffile.imwrite(tmp_path / "alpha.tif", short, photometric="rgb", extrasamples=["unassalpha"])
+    for path in (save(tmp_path / "a.npy", four), tmp_path / "bands.tif"):
+        assert np.array_equal(load(path, "VRNG").rgb, four)
+        assert load(path, "CMYG").channels == "CMYG"
+        plain = load(path, "RGB")
+        assert (plain.channels, plain.notes) == ("RGB", ("transparency is left out",))
+    assert load(tmp_path / "alpha.tif", "VRNG").channels == "RGB"
+    two = save(tmp_path / "two.npy", LIGHT[..., :2])
+    assert load(two, "RN").channels == "RN"
+    assert load(two, "RGB").notes == ("transparency is left out",)
+
+
+def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path: Path) -> None:
+    three = LIGHT[..., :3]
+    for path in (save(tmp_path / "a.npy", three), pages(tmp_path / "a.tif", three)):
+        for channels in ("RGB", "CMY", "RGBY", "CM"):
+            assert load(path, channels).channels == "RGB"
+            assert np.array_equal(load(path, channels).rgb, three)
+        assert load(path, "VRN").channels == "VRN"
+    tifffile.imwrite(tmp_path / "colour.tif", three, photometric="rgb")
+    assert load(tmp_path / "colour.tif", "VRN").channels == "RGB"
+    assert load(tmp_path / "a.tif", "RGB").notes == ("its 3 pages are taken for red, green and blue",)
+
+
+def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.exr", LIGHT, "RGBNA")
+    assert np.array_equal(load(path, "RGB").rgb, LIGHT[..., :3])
+    assert np.array_equal(load(path, "NG").rgb, LIGHT[..., [3, 1]])
+    mixed = load(path, "CMYN")  # C, M and Y from R, G and B
+    assert (mixed.channels, mixed.neutral) == ("RGBN", (1.0,) * 4)
+    assert np.array(mixed.camera_to_xyz).any(axis=0).tolist() == [True, True, True, False]
+    assert load(save(tmp_path / "b.exr", LIGHT[..., :3], "CMY"), "CMY").channels == "CMY"
+    with pytest.raises(InputError, match="the EXR has the channels N, U; expected N, V, or R, G, B, or Y alone"):
+        load(save(tmp_path / "c.exr", LIGHT[..., :2], "NU"), "NV")
+
+
+@pytest.mark.parametrize(
+    ("count", "channels", "words"),
+    [
+        (5, "RGB", "has 5 channels, and the pattern the 3 channels RGB"),
+        (5, "VRNG", "has 5 channels, and the pattern the 4 channels VRNG"),
+        (4, BANDS, "has 4 channels, and the pattern the 5 channels VRNGU"),
+        (3, BANDS, "has 3 channels"),
+        (2, BANDS, "has 2 channels"),
+        (30, BANDS, "has 30 channels"),
+    ],
+)
+def test_both_counts_are_named_where_they_differ(tmp_path: Path, count: int, channels: str, words: str) -> None:
+    light = np.resize(LIGHT, (6, 8, count))
+    tifffile.imwrite(tmp_path / "a.tif", light, photometric="minisblack", planarconfig="contig")
+    for path in (save(tmp_path / "a.npy", light), tmp_path / "a.tif"):
+        with pytest.raises(InputError, match=words):
+            load(path, channels)
+    with pytest.raises(InputError, match=f"has {'26 pages or more' if count > 26 else f'{count} pages'}, and the pattern"):
+        load(pages(tmp_path / "pages.tif", light), channels)
+
+
+def test_pages_of_other_sizes_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    with tifffile.TiffWriter(path) as file:
+        for size in (20, 10, 5):
+            file.write(np.full((size, size), 300, np.uint16), photometric="minisblack", contiguous=False)
+    scene = load(path, "RGB")
+    assert scene.shape == (20, 20)
+    assert "the file has several pages; only the first is used" in scene.notes
+
+
+def test_pages_count_as_channels_of_a_bomb(tmp_path: Path) -> None:
+    """Each alone is a harmless even picture."""
+    even = np.broadcast_to(np.uint16(0), (2000, 4000, 8))
+    path = pages(tmp_path / "a.tif", even, compression="deflate", rowsperstrip=2000)
+    with pytest.raises(InputError, match="made to fill the memory"):
+        load(path, "ABCDEFGH")
+
+
+def test_even_light_has_any_channels() -> None:
+    for source, value in (("flat:20x10", 1), ("dark:20x10", 0)):
+        scene = load_scene(source, channels=BANDS)
+        assert scene.channels == BANDS
+        assert (scene.rgb == value).all()
+        assert load_scene(source, channels="CMY").channels == "RGB"
+        assert load_scene(source, channels="CMYN").channels == "RGBN"
+
+
+def test_grey_pictures_have_all_channels_of_a_picture_alike(tmp_path: Path) -> None:
+    scene = load(save(tmp_path / "a.npy", LIGHT[..., 0]))
+    assert scene.channels == "RGB"
+    assert np.array_equal(scene.rgb, LIGHT[..., :1].repeat(3, axis=2))

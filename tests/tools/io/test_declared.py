@@ -1,0 +1,341 @@
+"""What files declare of their colours is used, in the order of their standards; what is not used is said in one note."""
+
+import struct
+import zlib
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image
+
+from shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
+from tests.tools.io.files import LINEAR_RAW, SHORT, write_dng
+from tests.tools.io.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
+from tools.io.colour import P3_PRIMARIES, encode_srgb
+from tools.io.scene import Scene
+from tools.simulation.load import load_scene
+
+D65 = (0.3127, 0.3290)
+BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
+ADOBE = ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06))
+RNG = np.random.default_rng(8)
+LIGHT = RNG.uniform(0.02, 0.4, (12, 16, 3))  # of BT.709's primaries: less than 1 in all others
+UNSAID = "nothing says how the values are encoded"
+
+
+def in_space(primaries: Any, light: Any = LIGHT) -> np.ndarray[Any, Any]:
+    return light @ (np.linalg.inv(primaries_to_xyz(primaries)) @ SRGB_TO_XYZ).T
+
+
+def srgb(light: Any) -> Any:
+    return encode_srgb(np.asarray(light, np.float32))
+
+
+def pq(light: Any) -> Any:
+    """BT.2100, table 4: inverse EOTF; white is 203 cd/m2 (BT.2408)."""
+    power = (light * 203 / 10000) ** (1305 / 8192)
+    return ((107 / 128 + 2413 / 128 * power) / (1 + 2392 / 128 * power)) ** (2523 / 32)
+
+
+def hlg(light: Any) -> Any:
+    """BT.2100, table 5: OETF; white has 75 % of the signal (BT.2408)."""
+    a, b, c = 0.17883277, 0.28466892, 0.55991073
+    light = light * ((np.exp((0.75 - c) / a) + b) / 12)
+    return np.where(light <= 1 / 12, np.sqrt(3 * light), a * np.log(np.maximum(12 * light - b, 1e-9)) + c)
+
+
+def bt709(light: Any) -> Any:
+    return np.where(light < 0.018, 4.5 * light, 1.099 * light**0.45 - 0.099)
+
+
+def codes(encoded: Any, dtype: Any = np.uint16) -> Any:
+    return np.rint(encoded * np.iinfo(dtype).max).astype(dtype)
+
+
+def png(path: Path, samples: Any, **chunks: bytes) -> Path:
+    data = imagecodecs.png_encode(samples)
+    added = b"".join(
+        struct.pack(">I", len(held)) + name.encode() + held + struct.pack(">I", zlib.crc32(name.encode() + held))
+        for name, held in chunks.items()
+    )
+    path.write_bytes(data[:33] + added + data[33:])
+    return path
+
+
+def chrm(primaries: Any, white: Any = D65) -> bytes:
+    return struct.pack(">8I", *(round(100000 * value) for value in (*white, *np.ravel(primaries))))
+
+
+def iccp(icc: bytes) -> bytes:
+    return b"profile\0\0" + zlib.compress(icc)
+
+
+def gama(gamma: float) -> bytes:
+    return struct.pack(">I", round(100000 * gamma))
+
+
+def check(scene: Scene, light: Any = LIGHT, tolerance: float = 1e-3) -> None:
+    """The colours of the scene are those of `light` in BT.709's primaries."""
+    np.testing.assert_allclose(scene.rgb @ np.transpose(scene.camera_to_xyz), light @ np.transpose(SRGB_TO_XYZ), atol=tolerance)
+
+
+SRGB_16 = codes(srgb(LIGHT))
+
+
+@pytest.mark.parametrize(
+    ("samples", "chunks", "notes"),
+    [
+        (codes(srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
+        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 1),
+        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 1),
+        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 1),
+        (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
+        (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
+        (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
+        # the order: cICP, iCCP, sRGB, then gAMA and cHRM
+        (SRGB_16, {"gAMA": gama(1), "sRGB": b"\0", "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"}, 0),
+        (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(SRGB_PROFILE), "cHRM": chrm(ADOBE)}, 0),
+        (SRGB_16, {"sRGB": b"\0", "gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
+        (SRGB_16, {"gAMA": gama(0.45455), "cHRM": chrm(SRGB_PRIMARIES)}, 0),
+        (SRGB_16, {"gAMA": gama(0.45455)}, 0),
+        (codes(in_space(ADOBE) ** (256 / 563)), {"gAMA": gama(256 / 563), "cHRM": chrm(ADOBE)}, 0),
+        (codes(in_space(ADOBE)), {"gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
+        (codes(srgb(in_space(ADOBE)), np.uint8), {"cHRM": chrm(ADOBE)}, 0),
+        # what is not read is said, and the next counts
+        (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
+        (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
+        (SRGB_16, {"iCCP": iccp(b"nonsense"), "gAMA": gama(0.45455)}, 1),
+        (SRGB_16, {"iCCP": b"profile\0\0no zlib", "gAMA": gama(0.45455)}, 1),
+        (SRGB_16, {"iCCP": bytes(5 << 20), "gAMA": gama(0.45455)}, 1),
+        (SRGB_16, {"gAMA": gama(0.45455), "cHRM": bytes(32)}, 1),
+        (SRGB_16, {"sRGB": b"\0", "mDCV": bytes(24), "cLLI": bytes(8)}, 1),
+        (SRGB_16, {"sRGB": b"\0", "mDCv": bytes(24), "cLLi": bytes(8), "acTL": bytes(8)}, 1),
+    ],
+    ids=lambda value: "+".join(value) if isinstance(value, dict) else "",
+)
+def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], notes: int) -> None:
+    scene = load_scene(str(png(tmp_path / "a.png", samples, **chunks)))
+    bright = 10 if chunks.get("cICP") == b"\x01\x10\0\1" else 1
+    check(scene, bright * LIGHT, 4e-3 if samples.dtype == np.uint8 else 1e-3)
+    assert len(scene.notes) == notes
+
+
+def test_a_chunk_that_is_not_used_is_named(tmp_path: Path) -> None:
+    chunks = {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0", "cLLI": bytes(8), "gAMA": gama(0)}
+    (note,) = load_scene(str(png(tmp_path / "a.png", SRGB_16, **chunks))).notes
+    assert "cICP 9 11 0 1" in note
+    assert "light levels" in note
+    (told,) = load_scene(str(png(tmp_path / "b.png", codes(in_space(ADOBE)), cHRM=chrm(ADOBE)))).notes
+    assert UNSAID in told
+    assert "the file's primaries" in told
+
+
+def test_linear_leaves_curves_out_and_keeps_primaries(tmp_path: Path) -> None:
+    path = png(tmp_path / "a.png", codes(in_space(BT2020)), cICP=b"\x09\x10\0\1")
+    scene = load_scene(str(path), linear=True)
+    check(scene)
+    assert len(scene.notes) == 1
+    assert "as requested" in scene.notes[0]
+
+
+# --- JPEG ------------------------------------------------------------------------------------------------------------------------
+
+BLOCKS = RNG.uniform(0.02, 0.4, (3, 4, 3)).repeat(8, axis=0).repeat(8, axis=1)
+
+
+def jpeg(path: Path, encoded: Any, *segments: tuple[int, bytes], **options: Any) -> Path:
+    """A JPEG with more segments: their markers, and what they hold."""
+    file = BytesIO()
+    Image.fromarray(codes(encoded, np.uint8)).save(file, "JPEG", quality=100, subsampling=0, **options)
+    data = file.getvalue()
+    added = b"".join(bytes((0xFF, marker)) + (len(held) + 2).to_bytes(2, "big") + held for marker, held in segments)
+    path.write_bytes(data[:2] + added + data[2:])
+    return path
+
+
+def exif(space: int | None, index: str = "") -> bytes:
+    block = Image.Exif()
+    inside = block.get_ifd(0x8769)
+    inside[0x9003] = "2024:05:01 10:00:00"
+    if space is not None:
+        inside[0xA001] = space
+    if index:
+        inside[0xA005] = {1: index, 2: b"0100"}
+    return block.tobytes()
+
+
+ADOBE_CODES, SRGB_CODES = in_space(ADOBE, BLOCKS) ** (256 / 563), srgb(BLOCKS)
+
+
+@pytest.mark.parametrize(
+    ("encoded", "options", "notes"),
+    [
+        (ADOBE_CODES, {"exif": exif(65535, "R03")}, 0),
+        (ADOBE_CODES, {"exif": exif(None, "R03")}, 0),
+        (ADOBE_CODES, {"exif": exif(2)}, 0),
+        (SRGB_CODES, {"exif": exif(1, "R98")}, 0),
+        (SRGB_CODES, {"exif": exif(65535, "R98")}, 0),
+        (SRGB_CODES, {"exif": exif(65535)}, 1),
+        (SRGB_CODES, {"exif": exif(65535, "R03"), "icc_profile": SRGB_PROFILE}, 0),
+        (SRGB_CODES, {"exif": exif(None)}, 0),
+    ],
+)
+def test_exif_tells_adobe_rgb_unless_a_profile_does(tmp_path: Path, encoded: Any, options: dict[str, Any], notes: int) -> None:
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", encoded, **options)))
+    check(scene, BLOCKS, 0.01)
+    assert len(scene.notes) == notes
+    assert scene.metadata.taken is not None
+
+
+def test_a_profile_in_parts_is_joined_whatever_bytes_it_holds(tmp_path: Path) -> None:
+    curve = b"curv" + bytes(4) + struct.pack(">I", 5) + b"\0\0Exif\0\0\xff\xff"
+    icc = profile(curve)
+    parts = [(0xE2, b"ICC_PROFILE\0" + bytes((number, 2)) + part) for number, part in ((2, icc[150:]), (1, icc[:150]))]
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *parts)))
+    level = np.interp(64 / 255, (0, 0.25, 0.5, 0.75, 1), (0, 0x4578 / 65535, 0x6966 / 65535, 0, 1))
+    np.testing.assert_allclose(scene.rgb, level, atol=1e-4)
+    assert scene.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("segment", "words"),
+    [
+        ((0xE2, b"MPF\0II*\0"), "further pictures"),
+        ((0xE2, b"urn:iso:std:iso:ts:21496:-1\0\0\0"), "gain map"),
+        ((0xE1, b'http://ns.adobe.com/xap/1.0/\0<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>'), "gain map"),
+    ],
+)
+def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(tmp_path: Path, segment: tuple[int, bytes], words: str) -> None:
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, segment, (0xE2, b"MPF\0MM"))))
+    check(scene, BLOCKS, 0.01)
+    assert len(scene.notes) == 1
+    assert words in scene.notes[0]
+
+
+def test_a_jpeg_that_stores_rgb_is_no_ycc(tmp_path: Path) -> None:
+    stored = imagecodecs.jpeg8_encode(codes(SRGB_CODES, np.uint8), level=100, colorspace="RGB", outcolorspace="RGB")
+    (tmp_path / "a.jpg").write_bytes(stored)
+    check(load_scene(str(tmp_path / "a.jpg")), BLOCKS, 0.01)
+
+
+# --- TIFF ------------------------------------------------------------------------------------------------------------------------
+
+
+def rational(values: Any) -> tuple[int, ...]:
+    return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
+
+
+PRIMARIES, WHITE = (319, 5, 6, rational(ADOBE), True), (318, 5, 2, rational(D65), True)
+
+
+def transfer(bits: int, tables: int) -> Any:
+    ramp = np.rint(65535 * np.linspace(0, 1, 1 << bits) ** (563 / 256)).astype(int).tolist()
+    return 301, 3, tables << bits, tuple(ramp * tables), True
+
+
+@pytest.mark.parametrize(
+    ("samples", "tags", "icc", "notes"),
+    [
+        (codes(in_space(ADOBE) ** (256 / 563)), [transfer(16, 1), PRIMARIES, WHITE], None, 0),
+        (codes(in_space(ADOBE) ** (256 / 563)), [transfer(16, 3), PRIMARIES], None, 0),
+        (codes(in_space(ADOBE) ** (256 / 563), np.uint8), [transfer(8, 3), PRIMARIES, WHITE], None, 0),
+        (codes(in_space(ADOBE)), [PRIMARIES, WHITE], None, 1),
+        (in_space(ADOBE).astype(np.float32), [PRIMARIES, WHITE], None, 0),
+        (SRGB_16, [transfer(16, 1), PRIMARIES, WHITE], SRGB_PROFILE, 0),
+        (codes(LIGHT), [(319, 5, 6, rational([(0.3, 0.3)] * 3), True)], LINEAR_PROFILE, 0),
+        (codes(LIGHT), [(319, 5, 6, rational([(0.3, 0.3)] * 3), True)], None, 2),
+        (codes(LIGHT), [(532, 5, 6, rational([1, 6] * 3), True), (291, 3, 4, (0, 1, 2, 3), True)], None, 2),
+    ],
+)
+def test_fields_of_tiff(tmp_path: Path, samples: Any, tags: list[Any], icc: bytes | None, notes: int) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", extratags=tags, iccprofile=icc, metadata=None)
+    scene = load_scene(str(tmp_path / "a.tif"))
+    check(scene, tolerance=4e-3 if samples.dtype == np.uint8 else 1e-3)
+    assert len(scene.notes) == notes
+
+
+def test_exif_in_a_tiff_tells_adobe_rgb(tmp_path: Path) -> None:
+    Image.fromarray(codes(ADOBE_CODES, np.uint8)).save(tmp_path / "a.tif", exif=exif(2))
+    scene = load_scene(str(tmp_path / "a.tif"))
+    check(scene, BLOCKS, 0.01)
+    assert scene.notes == ()
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14])
+@pytest.mark.parametrize("suffix", [".tif", ".png", ".npy"])
+def test_samples_of_fewer_bits_in_wider_words_are_said_with_the_remedy(tmp_path: Path, bits: int, suffix: str) -> None:
+    samples, path = np.rint(LIGHT * 2 * ((1 << bits) - 1)).astype(np.uint16), tmp_path / f"a{suffix}"
+    writers: dict[str, Callable[[], Any]] = {
+        ".tif": lambda: tifffile.imwrite(path, samples, photometric="rgb"),
+        ".png": lambda: png(path, samples),
+        ".npy": lambda: np.save(path, samples),
+    }
+    writers[suffix]()
+    (note,) = (note for note in load_scene(str(path)).notes if UNSAID not in note)
+    assert f"have {bits} bits, the scene is {1 << 16 - bits} times too dark; multiply them by {1 << 16 - bits}" in note
+
+
+@pytest.mark.parametrize("tag", [281, 341])
+@pytest.mark.parametrize(("largest", "white", "words"), [(4095, 4095, "taken for white"), (3000, 65535, "12 bits")])
+def test_a_tiff_that_says_its_bits_has_its_white_there(tmp_path: Path, tag: int, largest: int, white: int, words: str) -> None:
+    samples = np.rint(LIGHT * 2 * 3000).astype(np.uint16)
+    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", extratags=[(tag, SHORT, 3, (largest,) * 3, True)])
+    scene = load_scene(str(tmp_path / "a.tif"))
+    np.testing.assert_allclose(scene.rgb, samples / white, rtol=1e-6)
+    assert sum(words in note for note in scene.notes) == 1
+
+
+# --- DNG and EXR -----------------------------------------------------------------------------------------------------------------
+
+
+def opcodes(*numbers: int) -> tuple[int, Any]:
+    """An opcode list of opcodes that hold 12 bytes."""
+    held = struct.pack(">I", len(numbers)) + b"".join(struct.pack(">4I", number, 0, 0, 12) + bytes(12) for number in numbers)
+    return 7, held
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("below", [False, True])
+def test_corrections_that_a_dng_asks_for_are_said_in_one_note(tmp_path: Path, linear: bool, below: bool) -> None:
+    samples = RNG.integers(200, 4000, (60, 80, 3) if linear else (60, 80)).astype(np.uint16)
+    lists = {51008: opcodes(5, 4), 51009: opcodes(9, 9, 9, 9), 51022: opcodes(1, 3, 99)}
+    kind = {"kind": LINEAR_RAW} if linear else {}
+    options: Any = {**kind, "above": {} if below else None}
+    plain = load_scene(write_dng(tmp_path / "plain.dng", samples, **options))
+    asking = load_scene(write_dng(tmp_path / "asking.dng", samples, fields=lists, **options))
+    (note,) = set(asking.notes) - set(plain.notes)
+    names = "FixBadPixelsList, FixBadPixelsConstant, GainMap, WarpRectilinear, FixVignetteRadial, opcode 99"
+    assert f"({names})" in note
+    assert np.array_equal(plain.rgb, asking.rgb)
+    write_dng(tmp_path / "damaged.dng", samples, fields={51009: (7, b"\xff\xff\xff\xff\0\0")}, **options)
+    assert load_scene(str(tmp_path / "damaged.dng")).notes == plain.notes
+
+
+def test_a_linearization_table_of_a_mosaic_is_applied(tmp_path: Path) -> None:
+    table = (np.arange(4096) * 3).tolist()
+    samples = RNG.integers(0, 4000, (60, 80)).astype(np.uint16)
+    path = write_dng(tmp_path / "a.dng", samples, fields={50712: (SHORT, table), 50717: (SHORT, [12285])})
+    np.testing.assert_allclose(load_scene(path, registered=False).rgb[..., 0], samples[::2, ::2] / 4095, rtol=1e-5)
+
+
+def test_other_channels_of_an_exr_are_said_in_one_note(tmp_path: Path) -> None:
+    planes = {name: np.full((5, 7), 0.5, np.float32) for name in ("R", "G", "B", "A", "Z")}
+    with OpenEXR.File({"chromaticities": (*np.ravel(BT2020).tolist(), *D65)}, planes) as file:
+        file.write(str(tmp_path / "a.exr"))
+    scene = load_scene(str(tmp_path / "a.exr"))
+    assert scene.notes == ("not used: channel A, channel Z",)
+    np.testing.assert_allclose(scene.camera_to_xyz, primaries_to_xyz(BT2020), atol=1e-6)
+
+
+def test_impossible_chromaticities_of_an_exr_are_said(tmp_path: Path) -> None:
+    with OpenEXR.File({"chromaticities": (0.3,) * 8}, {"RGB": np.full((5, 7, 3), 0.5, np.float32)}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    scene = load_scene(str(tmp_path / "a.exr"))
+    assert scene.camera_to_xyz == SRGB_TO_XYZ
+    assert "chromaticities" in scene.notes[0]

@@ -1,0 +1,296 @@
+"""Picture files, read back with programs that are not ours."""
+
+import io
+import json
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import rawpy
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image
+
+from shared import CaptureMetadata, SensorCalibration
+from shared.errors import InputError, OutputError
+from tests.exiftool import exiftool
+from tests.tools.io.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
+from tools.io.development import CAMERA, write_picture
+from tools.io.display import SPACES
+from tools.io.embedded import icc_profile
+from tools.io.formats import FORMATS
+from tools.io.kind import PictureKind
+from tools.io.samples import quantise
+
+FOUR = SensorCalibration(
+    channels="RGBE",
+    neutral=(0.5, 1.0, 0.6, 0.9),
+    camera_to_xyz=((0.9, 0.2, 0.1, 0.1), (0.4, 0.6, -0.1, 0.1), (0.0, -0.1, 1.0, 0.2)),
+)
+
+
+def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]], dict[str, Any]]:
+    path = folder / "picture.exr"
+    path.write_bytes(file.getvalue())
+    with OpenEXR.File(str(path), separate_channels=True) as exr:
+        channels = exr.channels()
+        letters = "RGB" if set(channels) == set("RGB") else "RGBE"
+        return np.stack([channels[letter].pixels for letter in letters], axis=-1), dict(exr.header())
+
+
+# --- pixels ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_the_order_of_an_array_in_memory_does_not_matter(kind: PictureKind) -> None:
+    rgb = scene((9, 7))
+    expected = encoded(rgb, kind).getvalue()
+    for other in (np.asfortranarray(rgb), np.dstack([rgb, rgb])[..., :3], rgb.astype(rgb.dtype.newbyteorder())):
+        assert encoded(other, kind).getvalue() == expected
+
+
+def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
+    """The samples of a file without loss."""
+    match kind.format:
+        case "tif":
+            return np.asarray(tifffile.imread(file))
+        case "png":
+            return np.asarray(imagecodecs.png_decode(file.getvalue()))
+        case "jxl":
+            return np.asarray(imagecodecs.jpegxl_decode(file.getvalue()))
+        case "exr":
+            return exr_pixels(file, folder)[0]
+        case "dng":
+            with tifffile.TiffFile(file) as tiff:
+                assert tiff.pages.first.tags["Orientation"].value == 6
+                return np.asarray(tiff.pages.first.pages[0].asarray())
+    return np.asarray(np.load(file, allow_pickle=False))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format not in ("jpg", "uhdr")], ids=str)
+@pytest.mark.parametrize("shape", SIZES)
+def test_without_loss_every_sample_comes_back(kind: PictureKind, shape: tuple[int, int], tmp_path: Path) -> None:
+    rgb = scene(shape)
+    floating = kind.bits == 32 or kind.format == "exr"
+    expected = rgb if kind.space == CAMERA else shown(rgb, kind.space, 6)
+    found = read(encoded(rgb, kind), kind, tmp_path)
+    assert found.dtype == np.dtype(f"{'float' if floating else 'uint'}{kind.bits}")
+    assert np.array_equal(found, expected.astype(found.dtype) if floating else quantise(expected, kind.bits))
+
+
+@pytest.mark.parametrize("calibration", [FOUR, SensorCalibration(channels="CE")], ids=lambda each: each.channels)
+def test_float_tiff_holds_any_channels(calibration: SensorCalibration) -> None:
+    rgb = scene((33, 7), len(calibration.channels))
+    with tifffile.TiffFile(encoded(rgb, PictureKind.of("tif", 32, CAMERA), calibration=calibration)) as tiff:
+        assert tiff.pages.first.tags["Orientation"].value == 6
+        assert tiff.asarray().tobytes() == rgb.tobytes()
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("shape", SIZES)
+def test_jpeg_is_close(shape: tuple[int, int], space: str) -> None:
+    rgb = np.full((*shape, 3), (0.2, 0.5, 0.1), np.float32)
+    read = np.asarray(Image.open(encoded(rgb, PictureKind("jpg", 8, space)))).astype(int)
+    assert np.abs(read - quantise(shown(rgb, space, 6), 8)).max() <= 3
+
+
+def test_jpeg_keeps_colour_at_full_resolution() -> None:
+    rgb = np.zeros((16, 16, 3), np.float32)
+    rgb[:, ::2] = 0.5, 0, 0
+    rgb[:, 1::2] = 0, 0, 0.7
+    read = np.asarray(Image.open(encoded(rgb, PictureKind("jpg", 8, "srgb"), orientation=1))).astype(int)
+    assert np.abs(read - quantise(shown(rgb, "srgb", 1), 8)).max() <= 12  # chroma at half resolution misses by 128
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("kind", [PictureKind(name, 8, "srgb") for name in ("tif", "png", "jpg", "uhdr")], ids=str)
+def test_pictures_are_upright_and_say_so(kind: PictureKind, orientation: int) -> None:
+    image, rgb = Image.open(encoded(scene((16, 32)), kind, orientation)), scene((16, 32))
+    assert image.getexif()[274] == 1
+    assert image.getexif().get(338) is None  # no samples but colours
+    assert np.asarray(image).shape == shown(rgb, "srgb", orientation).shape
+    if kind.format in ("tif", "png"):
+        assert np.array_equal(np.asarray(image), quantise(shown(rgb, "srgb", orientation), 8))
+
+
+def test_exr_names_the_channels_and_the_shot(tmp_path: Path) -> None:
+    rgb = scene((4, 5), 4)
+    read, header = exr_pixels(encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR), tmp_path)
+    assert np.array_equal(read, rgb)
+    assert header["capDate"] == "2014:03:09 07:05:01"
+    assert header["comments"] == METADATA.description
+    assert (header["expTime"], header["isoSpeed"]) == pytest.approx((1 / 250, 640))
+    assert header["Orientation"] == 6
+    assert "chromaticities" not in header
+    header = exr_pixels(encoded(rgb[..., :3], PictureKind.of("exr")), tmp_path)[1]
+    assert "Orientation" not in header
+    assert "chromaticities" in header
+
+
+def test_halves_end_at_their_largest_number_not_at_infinity(tmp_path: Path) -> None:
+    read, _ = exr_pixels(encoded(np.full((2, 2, 3), 1e9, np.float32), PictureKind.of("exr", 16, CAMERA)), tmp_path)
+    assert (read == np.finfo(np.float16).max).all()
+
+
+def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated() -> None:
+    """There its colour is wrong: a raw developer, and the preview inside, showed green clouds and yellow lamps."""
+    calibration = replace(CALIBRATION, neutral=None, camera_to_xyz=None)
+    colours = np.array([(0.6, 1.8, 0.6), (1.8, 1.6, -0.4), (0.2, 0.3, 0.1)]) * (calibration.full_scale / 3)
+    rgb = np.repeat(colours.astype(np.float32)[:, None], 30, axis=0).repeat(40, axis=1)
+    data = encoded(rgb, PictureKind.of("dng"), 1, calibration=calibration, restored=False)
+    with tifffile.TiffFile(data) as tiff:
+        main = tiff.pages.first
+        shown, codes = main.asarray(), main.pages[0].asarray()
+    assert shown[:48].min() >= 250
+    assert (codes[:60] == 65535).all()
+    assert np.array_equal(codes[60:], np.rint(rgb[60:] * np.float32(65535)).clip(0, 65535).astype(np.uint16))
+
+
+def test_a_raw_developer_sees_the_white_we_see(tmp_path: Path) -> None:
+    levels = np.linspace(0.1, 1.0, 32, dtype=np.float32)
+    grey = np.full((24, 32, 3), (0.5, 1.0, 0.7), np.float32) * levels[:, None]
+    path = tmp_path / "grey.dng"
+    path.write_bytes(encoded(grey, PictureKind.of("dng"), 1).getvalue())
+    with rawpy.imread(str(path)) as raw:
+        developed = raw.postprocess(
+            use_camera_wb=True, no_auto_bright=True, gamma=(1, 1), output_bps=16, output_color=rawpy.ColorSpace.sRGB
+        )
+    light = developed[12] / 65535
+    # LibRaw scales its multipliers in sixteen bits; a per cent is far below what would tint a grey.
+    np.testing.assert_allclose(light, np.repeat(levels[:, None], 3, axis=1), rtol=0.01)
+
+
+# --- what goes along ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg", "uhdr")], ids=str)
+def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
+    file = encoded(scene((5, 6)), kind)
+    # Past sixteen bits Pillow reads the header all the same.
+    found = tifffile.TiffFile(file).pages.first.iccprofile if kind.format == "tif" else Image.open(file).info.get("icc_profile")
+    assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format not in ("exr", "npy")], ids=str)
+def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
+    path = tmp_path / f"picture{kind.suffix}"
+    path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
+    (found,) = json.loads(exiftool("-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path))
+    # Raw developers would give a DNG the colours of the camera it names.
+    assert found["EXIF:Make"] == ("Panchroma" if kind.format == "dng" else METADATA.make)
+    assert found["EXIF:Model"] == ("Panchroma render" if kind.format == "dng" else METADATA.model)
+    expected = {
+        "LensModel": METADATA.lens,
+        "Artist": METADATA.artist,
+        "ImageDescription": METADATA.description,
+        "DateTimeOriginal": "2014:03:09 07:05:01",
+        "ExposureTime": 1 / 250,
+        "FNumber": 2.8,
+        "ISO": 640,
+        "FocalLength": 34.56,
+        "Orientation": 6 if kind.space == CAMERA else 1,
+    }
+    assert {name: found[f"EXIF:{name}"] for name in expected} == expected
+    assert found["EXIF:Software"].startswith("Panchroma")
+    # Files by Google's own library have no packet wrapper: its early versions do not read one.
+    minor = "[minor] XMP is missing xpacket wrapper"
+    assert [text for key, text in found.items() if "Warning" in key and text != minor] == []
+
+
+def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
+    for kind in KINDS:
+        assert encoded(scene((3, 4)), kind, calibration=SensorCalibration(), metadata=CaptureMetadata()).getvalue()
+
+
+def test_exposure_reaches_the_file() -> None:
+    kind, rgb = PictureKind.of("npy", space="linear-srgb"), scene((3, 3))
+    plain, brighter = (np.load(encoded(rgb, kind, exposure=stops)) for stops in (0.0, 1.0))
+    np.testing.assert_allclose(brighter, 2 * plain, rtol=1e-6)
+
+
+# --- what can be chosen ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kind"),
+    [
+        ({}, ("tif", 16, "srgb")),
+        ({"bits": 32}, ("tif", 32, "linear-srgb")),
+        ({"space": "camera"}, ("tif", 32, "camera")),
+        ({"format": "png"}, ("png", 8, "srgb")),
+        ({"format": "png", "space": "display-p3", "bits": 16}, ("png", 16, "display-p3")),
+        ({"format": "jxl"}, ("jxl", 8, "srgb")),
+        ({"format": "jxl", "bits": 32}, ("jxl", 32, "linear-srgb")),
+        ({"format": "dng"}, ("dng", 16, "camera")),
+        ({"format": "exr"}, ("exr", 16, "linear-srgb")),
+        ({"format": "exr", "space": "camera"}, ("exr", 32, "camera")),
+        ({"format": "npy"}, ("npy", 32, "camera")),
+    ],
+    ids=str,
+)
+def test_what_is_left_open_is_the_first_that_fits(chosen: dict[str, Any], kind: tuple[str, int, str]) -> None:
+    assert PictureKind.of(**chosen) == PictureKind(*kind)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"format": "gif"}, f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
+        ({"format": "jpg", "bits": 16}, "jpg does not hold 16 bits; it holds srgb with 8 bits, display-p3 with 8 bits"),
+        ({"format": "jpg", "space": "camera"}, "jpg does not hold the space 'camera'; it holds srgb with 8"),
+        ({"format": "png", "bits": 32, "space": "srgb"}, "png does not hold srgb with 32 bits; it holds srgb with 8 or 16 bits"),
+        ({"format": "dng", "space": "srgb"}, "dng does not hold the space 'srgb'; it holds camera with 16 bits"),
+        ({"format": "tif", "space": "cmyk"}, "tif does not hold the space 'cmyk'"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_what_can(chosen: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        PictureKind.of(**chosen)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "calibration", "shape", "exposure", "message"),
+    [
+        (PictureKind.of("tif"), SensorCalibration(channels="VGBE"), (4, 4), 0.0, "no colour matrix"),
+        (PictureKind.of("dng"), SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
+        (PictureKind.of("dng"), FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
+        (PictureKind.of("jpg"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
+        (PictureKind.of("dng"), CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
+        (PictureKind.of("tif"), CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
+        (PictureKind.of("npy"), CALIBRATION, (4, 4), 1.0, 'is 1 stops, but `space="camera"`'),
+    ],
+    ids=str,
+)
+def test_what_would_fail_after_the_render_is_known_before(
+    kind: PictureKind, calibration: SensorCalibration, shape: tuple[int, int], exposure: float, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        development(kind, shape, calibration=calibration, exposure=exposure).check()
+    with pytest.raises(InputError, match=message):
+        encoded(np.zeros((*shape, len(calibration.channels)), np.float32), kind, calibration=calibration, exposure=exposure)
+
+
+def test_what_is_no_picture_is_refused() -> None:
+    for rgb in (np.zeros((4, 4), np.float32), np.zeros((4, 4, 4), np.float32), np.full((4, 4, 3), np.nan, np.float32)):
+        for kind in KINDS:
+            with pytest.raises(InputError, match="picture"):
+                encoded(rgb, kind)
+
+
+def test_too_long_a_description_is_refused_by_jpeg_alone() -> None:
+    metadata = replace(METADATA, description="x" * 70000)
+    with pytest.raises(InputError, match=r"capture data fill 7\d{4} bytes, a JPEG holds at most"):
+        encoded(scene((4, 4)), PictureKind.of("jpg"), metadata=metadata)
+    assert encoded(scene((4, 4)), PictureKind.of("png"), metadata=metadata)
+
+
+def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(OutputError, match="no temporary file for OpenEXR"):
+        write_picture(tmp_path / "a.exr", [scene((4, 4))], development(PictureKind.of("exr"), (4, 4)))

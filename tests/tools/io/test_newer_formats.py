@@ -1,0 +1,218 @@
+"""Ultra HDR and JPEG XL, read back by other programs: the samples, in which colours they are, and the highlights."""
+
+import io
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from shared import SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from tests.exiftool import exiftool
+from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
+from tests.tools.io.examples import KINDS as ALL_KINDS
+from tools.io.display import SPACES, ColourTransform
+from tools.io.formats.uhdr import GainMap
+from tools.io.kind import PictureKind
+from tools.io.samples import display_codes, quantise, upright
+
+# --- Ultra HDR -------------------------------------------------------------------------------------------------------------------
+
+STEP = 0.03
+"""Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the map, and what JPEG adds to both."""
+
+
+def highlights() -> FloatArray:
+    """Even patches of 16 pixels, from a tenth of display white to four times white: greys above, colours below."""
+    levels = np.geomspace(0.1, 4, 8)
+    greys = levels[:, None] * np.array(CALIBRATION.neutral)
+    colours = greys * np.array([1.0, 0.7, 0.5])
+    return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(np.float32)
+
+
+def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
+    """What a display shows of a file, 1.0 = display white; boost: how much more it can show, None = everything."""
+    return imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)[..., :3].astype(np.float32)
+
+
+def light(rgb: FloatArray, space: str, exposure: float, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+    """The render as it is: linear light of the space's primaries, nothing clipped."""
+    shown = ColourTransform.to_space(calibration, space)
+    return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
+
+
+def luminance(linear: FloatArray, space: str) -> FloatArray:
+    return np.asarray(linear @ SPACES[space].to_xyz[1], np.float32)
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("shape", SIZES)
+def test_the_picture_is_that_of_a_jpeg_with_segments_more(shape: tuple[int, int], space: str) -> None:
+    plain, ultra = (encoded(scene(shape), PictureKind.of(name, space=space)).getvalue() for name in ("jpg", "uhdr"))
+    quantisation = plain.index(b"\xff\xdb")
+    assert ultra[:quantisation] == plain[:quantisation]
+    assert ultra[ultra.index(b"\xff\xdb") :].startswith(plain[quantisation:])
+    image = Image.open(io.BytesIO(ultra))
+    assert image.format == "JPEG"
+    assert np.array_equal(np.asarray(image), np.asarray(Image.open(io.BytesIO(plain))))
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("exposure", [0.0, 1.5, -1.0])
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_a_display_with_room_shows_the_render(space: str, exposure: float, orientation: int) -> None:
+    rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
+    data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
+    seen, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
+    assert seen.shape == expected.shape
+    inside = np.s_[4::16, 4::16]  # of every patch
+    assert expected.max() > 1.5
+    np.testing.assert_allclose(luminance(seen, space)[inside], luminance(expected, space)[inside], rtol=STEP)
+    grey = np.ptp(expected[inside], axis=-1) < 1e-5
+    assert expected[inside][grey].max() > 1.5
+    np.testing.assert_allclose(seen[inside][grey], expected[inside][grey], rtol=STEP)
+
+
+def test_a_display_as_bright_as_the_highlights_shows_all_of_them() -> None:
+    data = encoded(highlights(), PictureKind.of("uhdr")).getvalue()
+    bright, dim = (hdr(data, boost)[4::16, 4::16] for boost in (4, 2))
+    np.testing.assert_allclose(bright, hdr(data)[4::16, 4::16], rtol=STEP)
+    assert dim.max() < 0.6 * bright.max()
+
+
+def test_a_clipped_lamp_is_white_and_bright() -> None:
+    """Channels that all read the same, as where a sensor clips, are magenta in linear light."""
+    rgb = np.full((32, 32, 3), 2.0, np.float32)
+    seen, expected = hdr(encoded(rgb, PictureKind.of("uhdr")).getvalue())[16, 16], light(rgb, "srgb", 0)[16, 16]
+    assert expected[0] > 1.9 * expected[1]
+    np.testing.assert_allclose(seen, np.full(3, luminance(expected, "srgb")), rtol=STEP)
+
+
+@pytest.mark.parametrize("restored", [True, False])
+def test_a_lamp_past_all_limits_is_white_on_every_display(restored: bool) -> None:
+    """So dark that even the brightest light the sensor measures would be grey."""
+    lamp = np.full((32, 32, 3), 12.0, np.float32) * np.array(CALIBRATION.neutral, np.float32)
+    data = encoded(lamp, PictureKind.of("uhdr"), exposure=-5.0, restored=restored).getvalue()
+    assert np.asarray(Image.open(io.BytesIO(data))).min() >= 254
+    np.testing.assert_allclose(hdr(data), 1, rtol=STEP)
+
+
+def test_without_highlights_every_display_shows_the_same() -> None:
+    rgb = scene((64, 64)).clip(0, 0.4)
+    for quality in (None, 30):
+        data = encoded(rgb, PictureKind.of("uhdr", quality=quality)).getvalue()
+        gains = np.asarray(Image.open(io.BytesIO(data[data.index(b"\xff\xd9\xff\xd8") + 2 :])))
+        assert (gains == 0).all()
+
+
+def test_the_range_is_that_of_the_sensor() -> None:
+    shown = ColourTransform.to_space(CALIBRATION)
+    gains = GainMap(shown)  # a white of which red reads half as much as green
+    assert gains.headroom == pytest.approx(6)
+    assert [gains.capacity(code) for code in (0, 51, 255)] == pytest.approx([1, 1, np.log2(6)])
+    assert GainMap(ColourTransform.to_space(SensorCalibration())).headroom == pytest.approx(3)
+    brighter, darker = (GainMap(shown, stops) for stops in (2.0, -1.0))
+    assert (brighter.highest, brighter.capacity(255)) == pytest.approx((np.log2(24), np.log2(24)))
+    assert (darker.highest, darker.capacity(255)) == pytest.approx((np.log2(3), np.log2(3)))
+    burnt = np.full((2, 2, 3), 100.0, np.float32)
+    assert (gains.codes(burnt, display_codes(burnt, gains.shown, 8)) >= 250).all()
+
+
+def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "picture.jpg"
+    path.write_bytes(encoded(highlights(), PictureKind.of("uhdr")).getvalue())
+    (found,) = json.loads(exiftool("-j", "-a", "-G1", "-XMP:all", "-MPF:all", "-MPImage2", "-warning", path))
+    data = path.read_bytes()
+    second = data.index(b"\xff\xd9\xff\xd8") + 2
+    assert found["XMP-hdrgm:Version"] == 1.0
+    assert found["XMP-Container:DirectoryItemLength"] == len(data) - second
+    assert (found["MPImage1:MPImageLength"], found["MPImage2:MPImageStart"]) == (second, second)
+    assert found["MPImage2:MPImageLength"] == len(data) - second
+    assert not [key for key in found if "Warning" in key]
+    (tmp_path / "map.jpg").write_bytes(data[second:])
+    (described,) = json.loads(exiftool("-j", "-n", "-G1", "-XMP:all", "-warning", tmp_path / "map.jpg"))
+    gains = GainMap(ColourTransform.to_space(CALIBRATION))
+    assert described["XMP-hdrgm:GainMapMax"] == pytest.approx(gains.highest, abs=1e-6)
+    assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(2, abs=0.02)  # the brightest patch is four times white
+    assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
+
+
+# --- JPEG XL ---------------------------------------------------------------------------------------------------------------------
+
+KINDS = [kind for kind in ALL_KINDS if kind.format == "jxl"]
+LITTLE = 0.012
+"""Mean difference at quality 90, relative to white; in other colours than the file says it is 0.05 and more."""
+
+
+def samples(rgb: FloatArray, kind: PictureKind) -> NDArray[np.generic]:
+    pixels = shown(rgb, kind.space, 6)
+    return pixels if kind.bits == 32 else quantise(pixels, kind.bits)
+
+
+def smooth() -> FloatArray:
+    """Saturated colours of all hues, beyond those of sRGB too, without noise."""
+    down, across = np.mgrid[0:1:80j, 0:1:120j]
+    rgb = np.stack([across, 1 - across, down], axis=-1) * np.array(CALIBRATION.neutral)
+    return np.asarray(rgb, np.float32)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_older_decoders_read_it(kind: PictureKind, tmp_path: Path) -> None:
+    """Those of libjxl 0.7, which Linux distributions have, stumbled over negative values in floating point."""
+    if shutil.which("djxl") is None:
+        pytest.skip("djxl is not installed")
+    rgb = 4 * scene((300, 400))
+    assert samples(rgb, PictureKind("jxl", 32, "linear-srgb")).min() < 0
+    written, read = tmp_path / "picture.jxl", tmp_path / ("picture.pfm" if kind.bits == 32 else "picture.png")
+    written.write_bytes(encoded(rgb, kind).getvalue())
+    done = subprocess.run(["djxl", written, read], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    expected, data = samples(rgb, kind), read.read_bytes()
+    if kind.bits < 32:
+        assert np.array_equal(imagecodecs.png_decode(data), expected)
+    else:
+        order = "<" if data.split(b"\n", 3)[2].startswith(b"-") else ">"
+        assert np.array_equal(np.frombuffer(data[-expected.nbytes :], f"{order}f4").reshape(expected.shape)[::-1], expected)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> None:
+    """The reader makes them from JPEG XL's own, as the codec has labelled them."""
+    sizes = []
+    for quality in (20, 90):
+        data = encoded(smooth(), PictureKind(kind.format, kind.bits, kind.space, quality)).getvalue()
+        read, expected = imagecodecs.jpegxl_decode(data), samples(smooth(), kind)
+        sizes.append(len(data))
+    assert read.dtype == expected.dtype
+    white = 1 if kind.bits == 32 else 2**kind.bits - 1
+    assert np.abs(read.astype(float) - expected).mean() < LITTLE * white
+    assert sizes[0] < sizes[1]
+
+
+def test_quality_100_is_without_loss() -> None:
+    plain, best = (encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)).getvalue() for quality in (None, 100))
+    assert plain == best
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_size_and_level_are_seen(kind: PictureKind, tmp_path: Path) -> None:
+    path = tmp_path / "picture.jxl"
+    path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
+    (found,) = json.loads(exiftool("-j", "-n", "-ImageWidth", "-ImageHeight", "-FileType", "-warning", path))
+    assert (found["ImageWidth"], found["ImageHeight"], found["FileType"]) == (5, 6, "JXL")
+    assert "Warning" not in found
+
+
+def test_without_the_codec_it_is_refused_before_anything_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imagecodecs.JPEGXL, "available", False)
+    with pytest.raises(InputError, match="imagecodecs has no JPEG XL; install that of PyPI"):
+        PictureKind.of("jxl")
+    assert PictureKind.of("uhdr")

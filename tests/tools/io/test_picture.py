@@ -1,0 +1,207 @@
+"""Pictures: which numbers are light already, and which are made light."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image, ImageCms
+from PIL.PngImagePlugin import PngInfo
+
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.errors import InputError
+from tests.tools.io.files import save
+from tools.io.colour import decode_srgb
+from tools.io.decoders import exr
+from tools.io.icc_reading import read_profile
+from tools.simulation.load import load_scene
+
+SRGB_PROFILE: bytes = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+def profile(curve: bytes, primaries: Any = None) -> bytes:
+    """A small ICC profile with one curve for all channels."""
+    columns = np.array(SRGB_TO_XYZ if primaries is None else primaries).T
+    elements = [b"XYZ \0\0\0\0" + struct.pack(">3i", *np.rint(column * 65536).astype(int)) for column in columns] + [curve] * 3
+    names = (b"rXYZ", b"gXYZ", b"bXYZ", b"rTRC", b"gTRC", b"bTRC")
+    table, data = struct.pack(">I", 6), b""
+    for name, element in zip(names, elements, strict=True):
+        table += struct.pack(">4sII", name, 128 + 4 + 72 + len(data), len(element))
+        data += element + bytes(-len(element) % 4)
+    header = bytearray(128)
+    header[16:24], header[36:40] = b"RGB XYZ ", b"acsp"
+    return bytes(header) + table + data
+
+
+GAMMA_18 = profile(struct.pack(">4s4xIH", b"curv", 1, round(1.8 * 256)))
+LINEAR_PROFILE = profile(struct.pack(">4s4xI", b"curv", 0))
+
+
+def ramp(dtype: type, rows: int = 12, columns: int = 16) -> np.ndarray[Any, Any]:
+    top = np.iinfo(dtype).max
+    picture = np.random.default_rng(4).integers(0, top, (rows, columns, 3), dtype, endpoint=True)
+    picture[0, 0], picture[0, 1] = 0, top
+    return picture
+
+
+def srgb(encoded: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """IEC 61966-2-1, as printed."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("linear", [False, True])
+def test_8_bits_are_srgb_and_16_linear_with_a_note_unless_linear_is_said(
+    tmp_path: Path, suffix: str, dtype: type, linear: bool
+) -> None:
+    picture = ramp(dtype)
+    scene = load_scene(str(save(tmp_path / f"a{suffix}", picture)), linear=linear)
+    encoded = picture / np.iinfo(dtype).max
+    np.testing.assert_allclose(scene.rgb, srgb(encoded) if dtype == np.uint8 and not linear else encoded, atol=1e-7)
+    assert (scene.camera_to_xyz, scene.neutral) == (SRGB_TO_XYZ, (1.0, 1.0, 1.0))
+    assert len(scene.notes) == (dtype == np.uint16 and not linear)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("suffix", [".tif", ".npy", ".exr"])
+def test_floating_point_is_scene_units(tmp_path: Path, dtype: type, suffix: str) -> None:
+    picture: np.ndarray[Any, Any] = (np.random.default_rng(0).random((12, 16, 3)) * 0.9).astype(dtype)
+    picture = picture.astype(np.float32) if (dtype, suffix) == (np.float64, ".exr") else picture  # EXR has no double
+    scene = load_scene(str(save(tmp_path / f"a{suffix}", picture)))
+    np.testing.assert_array_equal(scene.rgb, picture.astype(np.float32))
+    assert scene.notes == ()
+
+
+def test_values_past_white_stay_and_a_note_says_so(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([[0.5, 3.0]], np.float32))
+    scene = load_scene(str(tmp_path / "a.npy"))
+    assert scene.rgb.max() == 3
+    assert "1.0 is white" in scene.notes[0]
+
+
+@pytest.mark.parametrize("channels", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("suffix", [".tif", ".npy"])
+def test_grey_becomes_three_alike_and_transparency_goes(tmp_path: Path, suffix: str, channels: int) -> None:
+    picture = ramp(np.uint16, 10, 20)[..., :1].repeat(max(channels, 1), axis=2)
+    picture[..., -1:] = picture[..., -1:] // 2 if channels in (2, 4) else picture[..., -1:]
+    stored = picture[..., 0] if channels == 0 else picture
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npy":
+        np.save(path, stored)
+    else:
+        extra = ["unassalpha"] if channels in (2, 4) else None
+        kind, planes = "rgb" if channels > 2 else "minisblack", "contig" if channels > 1 else None
+        tifffile.imwrite(path, stored, photometric=kind, extrasamples=extra, planarconfig=planes)
+    scene = load_scene(str(path))
+    np.testing.assert_allclose(scene.rgb, (picture[..., :1] / 65535).repeat(3, axis=2), atol=1e-7)
+    assert ("transparency is left out" in scene.notes) == (channels in (2, 4))
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGBA"])
+def test_other_png_kinds(tmp_path: Path, mode: str) -> None:
+    picture = Image.fromarray(ramp(np.uint8)).convert(mode)
+    picture.save(tmp_path / "a.png")
+    expected = np.asarray(picture.convert("RGB")) / 255
+    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, srgb(expected), atol=1e-7)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("icc", "gamma"), [(GAMMA_18, 1.8), (LINEAR_PROFILE, 1.0)], ids=["gamma", "linear"])
+def test_a_profile_is_believed(tmp_path: Path, suffix: str, dtype: type, icc: bytes, gamma: float) -> None:
+    picture, path = ramp(dtype), tmp_path / f"a{suffix}"
+    if suffix == ".tif":
+        tifffile.imwrite(path, picture, photometric="rgb", iccprofile=icc)
+    elif dtype == np.uint8:
+        Image.fromarray(picture).save(path, icc_profile=icc)
+    else:  # Pillow writes no 16-bit colour: put the chunk in by hand
+        data = imagecodecs.png_encode(picture)
+        content = b"iCCP" + b"profile\0\0" + imagecodecs.zlib_encode(icc)
+        chunk = struct.pack(">I", len(content) - 4) + content + struct.pack(">I", imagecodecs.zlib_crc32(content))
+        path.write_bytes(data[:33] + chunk + data[33:])
+    scene = load_scene(str(path))
+    exponent = round(gamma * 256) / 256  # as the profile can write it
+    np.testing.assert_allclose(scene.rgb, (picture / np.iinfo(dtype).max) ** exponent, atol=1e-6)
+    assert scene.notes == ()
+    forced = load_scene(str(path), linear=True)
+    np.testing.assert_allclose(forced.rgb, picture / np.iinfo(dtype).max, atol=1e-6)
+    assert bool(forced.notes) == (gamma != 1)
+
+
+def test_a_profile_gives_the_primaries(tmp_path: Path) -> None:
+    wide = np.array([[0.6097, 0.2053, 0.1492], [0.3111, 0.6257, 0.0632], [0.0195, 0.0609, 0.7446]])  # Adobe RGB (1998), D50
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, ramp(np.uint16), photometric="rgb", iccprofile=profile(struct.pack(">4s4xI", b"curv", 0), wide))
+    scene = load_scene(str(path))
+    np.testing.assert_allclose(scene.camera_to_xyz, wide, atol=2e-4)
+    np.testing.assert_allclose(np.array(scene.camera_to_xyz).sum(axis=1), (0.9642, 1, 0.8249), atol=1e-12)
+
+
+def test_curves_of_profiles() -> None:
+    x = np.linspace(0, 1, 101)
+    found = read_profile(SRGB_PROFILE)
+    assert not found.linear
+    np.testing.assert_allclose(found.curves[1](x), srgb(x), atol=1e-4)
+    np.testing.assert_allclose(found.to_xyz, SRGB_TO_XYZ, atol=1e-4)
+    np.testing.assert_allclose(decode_srgb(x), srgb(x), atol=1e-15)
+    s15 = [round(value * 65536) for value in (2.0, 0.9, -0.1, 0.05)]
+    table = struct.pack(">4s4xI5H", b"curv", 5, 0, 1000, 10000, 30000, 65535)
+    for curve, expected in (
+        (struct.pack(">4s4xHxx1i", b"para", 0, *s15[:1]), x**2),
+        (struct.pack(">4s4xHxx3i", b"para", 1, *s15[:3]), (0.9 * x - 0.1).clip(0) ** 2),
+        (struct.pack(">4s4xHxx4i", b"para", 2, *s15), (0.9 * x - 0.1).clip(0) ** 2 + 0.05),
+        (table, np.interp(x, np.linspace(0, 1, 5), np.array([0, 1000, 10000, 30000, 65535]) / 65535)),
+    ):
+        parsed = read_profile(profile(curve))
+        np.testing.assert_allclose(parsed.curves[2](x), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [b"", b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], profile(b"mft2" + bytes(40))],
+    ids=["empty", "no profile", "cut in the header", "cut in the table", "other curves"],  # the profile has a date in it
+)
+def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path, broken: bytes) -> None:
+    assert read_profile(broken) is None
+    if broken:
+        tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
+        assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)
+
+
+@pytest.mark.parametrize(("gamma", "expected"), [(45455, "srgb"), (100000, 1.0), (50000, 2.0)])
+def test_png_gamma_is_believed(tmp_path: Path, gamma: int, expected: float | str) -> None:
+    info = PngInfo()
+    info.add(b"gAMA", struct.pack(">I", gamma))
+    picture = ramp(np.uint8)
+    Image.fromarray(picture).save(tmp_path / "a.png", pnginfo=info)
+    value = srgb(picture / 255) if isinstance(expected, str) else (picture / 255) ** expected
+    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, value, atol=1e-6)
+
+
+@pytest.mark.parametrize("channel", ["Y", "RGBA"])
+def test_exr_chromaticities_and_kinds(tmp_path: Path, channel: str) -> None:
+    grey = np.random.default_rng(0).random((5, 7)).astype(np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)}
+    with OpenEXR.File(header, {channel: grey if channel == "Y" else np.dstack([grey] * 4)}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    scene = load_scene(str(tmp_path / "a.exr"))
+    np.testing.assert_array_equal(scene.rgb, grey[..., None].repeat(3, axis=2))
+    np.testing.assert_allclose(scene.camera_to_xyz, SRGB_TO_XYZ, atol=1e-6)
+
+
+def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, decoded = tmp_path / "a.exr", OpenEXR.File
+    OpenEXR.File({}, {"RGB": np.ones((6, 8, 3), np.float32)}).write(str(path))
+
+    def header_alone(name: str, header_only: bool = False, **_: object) -> object:
+        assert header_only
+        return decoded(name, header_only=True)
+
+    monkeypatch.setattr(OpenEXR, "File", header_alone)
+    with pytest.raises(InputError, match="8 x 6"):
+        exr.unpack_exr(str(path), 47, "RGB")

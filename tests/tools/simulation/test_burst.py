@@ -1,0 +1,230 @@
+"""The frames of a burst: what each sees, and that the truth about them is true."""
+
+import numpy as np
+import pytest
+
+from offline import burst as merged
+from shared import CaptureMetadata
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+from tools.simulation.burst import MovingThing, SimulatedBurst, burst_frames, reduced, tremor
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.motion import Motion, displaced, reach
+
+HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
+
+
+def random(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="module")
+def leaves() -> FloatArray:
+    return builtin_scene(240, 200).rgb
+
+
+def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
+    walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
+    assert walk[0].none
+    shifts, angles = (np.array([getattr(motion, name) for motion in walk]) for name in ("shift", "angle"))
+    lengths = np.hypot(*shifts.T)
+    assert 2.5 < lengths.max() <= 3
+    assert 0.25 < np.degrees(np.abs(angles).max()) <= 0.3
+    assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16  # every sixteenth of a pixel is met
+    shift, same, other = (tremor(HAND, random(seed))[1].shift for seed in (0, 0, 1))
+    assert shift == same != other
+
+
+def test_without_motion_every_frame_is_the_scene(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves, SimulatedBurst(3), random()))
+    assert all(frame.motion.none for frame in frames)
+    assert all(np.array_equal(frame.rgb, leaves) for frame in frames)
+
+
+def test_the_reference_is_a_part_of_the_scene(leaves: FloatArray) -> None:
+    reference = next(burst_frames(leaves, HAND, random()))
+    rows, columns = reference.rgb.shape[:2]
+    top, left = (200 - rows) // 2, (240 - columns) // 2
+    assert top == left < 45
+    assert np.array_equal(reference.rgb, leaves[top : top + rows, left : left + columns])
+
+
+@pytest.mark.parametrize("pixel", [1, 2])
+def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
+    """A ramp of light, 1 per row in one channel and per column in the other, says of each pixel where it is in the scene."""
+    ramp = np.zeros((300, 321, 3), np.float32)
+    ramp[..., 0], ramp[..., 1] = np.mgrid[:300, :321]
+    frames = list(burst_frames(ramp, HAND, random(), pixel))
+    reference = frames[0].rgb
+    for frame in frames:
+        shape = frame.rgb.shape
+        assert shape == reference.shape
+        down, across = np.indices((shape[0], shape[1]), np.float32)
+        at = merged.in_reference(merged.Motion(*frame.motion), down, across, shape[:2])  # what its pixels see
+        expected = reference[0, 0, :2] + pixel * np.moveaxis(at, 0, -1)
+        np.testing.assert_allclose(frame.rgb[..., :2], expected, atol=0.01 * pixel)
+
+
+def test_larger_pixels_are_means(leaves: FloatArray) -> None:
+    for pixel in (1, 2, 3):
+        means = reduced(leaves, pixel)
+        rows, columns = 200 // pixel, 240 // pixel
+        blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
+        np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
+    with pytest.raises(InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"):
+        next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
+
+
+def test_light_is_not_negative() -> None:
+    """Interpolation overshoots beside a sharp edge."""
+    edge = np.zeros((120, 120, 3), np.float32)
+    edge[:, 60:] = 1
+    frames = list(burst_frames(edge, HAND, random()))
+    assert min(frame.rgb.min() for frame in frames) == 0
+    assert max(frame.rgb.max() for frame in frames) > 1.01
+
+
+def test_a_thing_moves_by_itself_and_hides_what_is_behind(leaves: FloatArray) -> None:
+    without = list(burst_frames(leaves, SimulatedBurst(4), random()))
+    frames = list(burst_frames(leaves, SimulatedBurst(4, moving=True), random()))
+    places = []
+    for frame, plain in zip(frames, without, strict=True):
+        row, column, radius = frame.thing
+        places.append((row, column))
+        distance = np.hypot(np.arange(200)[:, None] - row, np.arange(240) - column)
+        changed = (frame.rgb != plain.rgb).any(axis=2)
+        assert not changed[distance > radius + 1].any()
+        assert changed[distance < radius - 1].mean() > 0.99
+        colour = frame.rgb[(distance < radius - 1) & (frame.rgb.sum(axis=2) > 0.1)]
+        hues = colour / colour.sum(axis=1, keepdims=True)
+        assert np.ptp(hues, axis=0).max() < 2e-3
+        assert radius == 20
+        assert radius <= row <= 200 - radius
+        assert radius <= column <= 240 - radius
+    steps = np.diff(places, axis=0)
+    np.testing.assert_allclose(steps, steps[:1].repeat(3, axis=0))
+    assert 5 <= np.hypot(*steps[0]) <= 20
+
+
+def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray) -> None:
+    plain, *_ = burst_frames(leaves, SimulatedBurst(3, pixels=1), random(), 2)
+    frame, *_ = burst_frames(leaves, SimulatedBurst(3, pixels=1, moving=True), random(), 2)
+    row, column, radius = frame.thing
+    changed = (frame.rgb != plain.rgb).any(axis=2)
+    np.testing.assert_allclose(np.argwhere(changed).mean(axis=0), (row, column), atol=0.2)
+    assert changed.sum() == pytest.approx(np.pi * radius**2, rel=0.15)
+
+
+def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves, SimulatedBurst(3, stops=(0, -2, 1)), random()))
+    assert [frame.exposure for frame in frames] == [1, 0.25, 2]
+    scene = CaptureMetadata(exposure_time=0.01, zone="+01:00")
+    assert [frame.metadata(scene).exposure_time for frame in frames] == [0.01, 0.0025, 0.02]
+    assert frames[0].metadata(scene).zone == scene.zone
+    unknown = [frame.metadata(CaptureMetadata()).exposure_time for frame in frames]
+    assert unknown == [1 / 60, 1 / 240, 1 / 30]
+    assert next(burst_frames(leaves, SimulatedBurst(1), random())).metadata(scene) is scene
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({"frames": 0}, "`burst` is 0"),
+        ({"pixels": -1}, "`motion` is -1 pixels"),
+        ({"pixels": np.nan}, "`motion` is nan"),
+        ({"degrees": 31}, "`rotation` is 31 degrees, expected 0 to 30"),
+        ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
+        ({"stops": (0, 1, 99)}, "expected -10 to 10"),
+        ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
+    ],
+)
+def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
+
+
+def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
+    with pytest.raises(InputError, match="loses 112 pixels on each side of a scene of 240 x 200: nothing is left; take a larger"):
+        next(burst_frames(leaves, SimulatedBurst(2, pixels=100), random()))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_moves_stays_in_the_scene(leaves: FloatArray, seed: int) -> None:
+    frames, margin = 20, 10
+    thing = MovingThing.drawn(leaves, margin, frames, 1, np.random.default_rng(seed))
+    places = np.array([thing.place(frame) for frame in range(frames)])
+    assert (places >= margin + thing.radius - 1e-6).all()
+    assert (places <= np.array(leaves.shape[:2]) - margin - thing.radius + 1e-6).all()
+    assert np.ptp(places, axis=0).max() > 1
+
+
+# --- a camera that has moved -----------------------------------------------------------------------------------------------------
+
+SHAPE = (150, 171)
+ACCURATE = 2e-3  # of waves up to 0.7 of the highest frequency, whose sum is between 0 and 2
+
+
+def waves(points: DoubleArray) -> FloatArray:
+    """A band-limited scene at any points (..., 2), in two channels."""
+    rng = np.random.default_rng(5)
+    light = np.ones((*points.shape[:-1], 2))
+    for _ in range(12):
+        frequency, phase = rng.uniform(-0.35, 0.35, 2), rng.uniform(0, 2 * np.pi, 2)
+        light += np.cos(2 * np.pi * (points @ frequency)[..., None] + phase) / 12
+    return light.astype(np.float32)
+
+
+def grid(shape: tuple[int, int]) -> DoubleArray:
+    return np.moveaxis(np.indices(shape, dtype=float), 0, -1)
+
+
+def moved(down: float, across: float, degrees: float = 0.0) -> Motion:
+    return Motion((down, across), -np.radians(degrees))
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [moved(0.5, 0), moved(0, -0.5), moved(2.3, -1.6), moved(-0.25, 3.75, 0.3), moved(1.1, 0.4, -5), moved(0, 0, 9)],
+)
+def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) -> None:
+    border = reach(motion, SHAPE)
+    inside = (slice(border, -border), slice(border, -border))
+    seen = displaced(waves(grid(SHAPE)), motion)
+    # The points of the reference that the pixels of the frame see.
+    down, across = np.indices(SHAPE, np.float32)
+    places = merged.in_reference(merged.Motion(*motion), down, across, SHAPE)
+    points: DoubleArray = np.moveaxis(places, 0, -1).astype(np.float64)
+    assert seen.dtype == np.float32
+    assert np.abs(seen - waves(points))[inside].max() < ACCURATE
+    assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE
+
+
+@pytest.mark.parametrize(("down", "across"), [(1, 0), (0, -3), (-17, 20)])
+def test_whole_pixels_are_exact(down: int, across: int) -> None:
+    light = np.random.default_rng(0).random((60, 70, 3), np.float32)
+    seen = displaced(light, moved(down, across))
+    border = reach(moved(down, across), light.shape)
+    rolled = np.roll(light, (down, across), (0, 1))
+    assert np.array_equal(seen[20:-20, 20:-20], rolled[20:-20, 20:-20])
+    assert border >= max(abs(down), abs(across))
+
+
+def test_beyond_the_border_the_outermost_pixels_go_on() -> None:
+    flat = np.full((20, 30, 3), 0.25, np.float32)
+    np.testing.assert_allclose(displaced(flat, moved(3.3, -40.1, 12)), flat, rtol=1e-6)
+
+
+def test_what_is_within_reach_of_the_border_alone_depends_on_what_is_beyond() -> None:
+    light = np.random.default_rng(1).random((260, 110, 1), np.float32)
+    framed = np.pad(light, ((30, 30), (30, 30), (0, 0)), constant_values=9)
+    for motion in (moved(1.5, 2.5), moved(-2, 0.25, 1.5), moved(0, 0.5, 5)):
+        border = reach(motion, light.shape)
+        inside = (slice(border, -border), slice(border, -border))
+        seen, other = displaced(light, motion), displaced(framed, motion)[30:-30, 30:-30]
+        np.testing.assert_allclose(seen[inside], other[inside], atol=1e-5)
+
+
+def test_no_motion_changes_nothing() -> None:
+    light = np.random.default_rng(2).random((9, 8, 3), np.float32)
+    assert displaced(light, Motion()) is light
+    assert reach(Motion(), light.shape) == 0

@@ -1,0 +1,361 @@
+"""The door: what may come in, what is refused and how that is said."""
+
+import json
+import os
+import pickle
+import sys
+import warnings
+import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from tests.data import DATA
+from tests.python import run_python
+from tests.tools.io.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
+from tools.io.limited import Facts, _received, run_limited
+from tools.io.scene import Scene, check_size
+from tools.simulation.load import load_scene, set_aside
+
+PHOTOGRAPHS = sorted(path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*"))
+
+
+@pytest.mark.skipif(not PHOTOGRAPHS, reason="no test photographs")
+@pytest.mark.parametrize("path", PHOTOGRAPHS, ids=lambda path: path.name)
+def test_every_test_photograph_loads(path: Path) -> None:
+    scene = load_scene(str(path))
+    assert scene.name == path.stem
+    assert scene.rgb.dtype == np.float32
+    assert max(scene.neutral) == 1
+    assert 0.4 < scene.rgb.max() < 1.01 / min(scene.neutral)  # where a file is clipped it is white
+    assert scene.rgb.mean() > 0.01
+    with pytest.raises(ValueError, match="read-only"):
+        scene.rgb[0, 0, 0] = 1
+    if scene.camera_to_xyz is not None:  # white stays white
+        np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ scene.neutral, (0.9642, 1.0, 0.8249), atol=1e-9)
+
+
+def test_a_scene_is_checked_when_made() -> None:
+    good = np.full((2, 3, 3), 0.5, np.float32)
+    assert Scene(good, "a").shape == (2, 3)
+    for bad in (good[..., 0], good[..., :2], good[:0], np.zeros((2, 2, 4), np.float32)):
+        with pytest.raises(InputError, match="rows, columns, 3"):
+            Scene(bad, "a")
+    for value in (np.nan, np.inf, -np.inf):
+        spoiled = good.copy()
+        spoiled[1, 1, 1] = value
+        with pytest.raises(InputError, match="1 of 18 values are not finite"):
+            Scene(spoiled, "a")
+
+
+def test_negative_light_is_refused_and_rounding_is_not() -> None:
+    rgb = np.full((2, 2, 3), 4.0, np.float32)
+    rgb[0, 0, 0] = -0.003
+    assert Scene(rgb, "a").rgb[0, 0, 0] == 0
+    assert rgb[0, 0, 0] < 0  # the caller's array is left alone
+    rgb[0, 0, 0] = -0.005
+    for negative in (rgb, -np.ones((1, 1, 3), np.float32)):
+        with pytest.raises(InputError, match="light is not negative"):
+            Scene(negative, "a")
+    assert Scene(np.zeros((1, 1, 3), np.float32), "black").rgb.max() == 0
+
+
+def test_sizes_are_bounded_before_decoding() -> None:
+    check_size(11648, 8736, 6, 300 * 2**20)
+    check_size(4000, 3000, 8, 6000)  # even light compresses well, and is a picture
+    refused: dict[str, tuple[int, ...]] = {
+        "empty": (0, 5),
+        "`max_pixels` raises it": (MAX_PIXELS, 2),
+        "fill the memory": (10000, 10000, 6, 500_000),
+        "save it without compression": (4000, 3300, 8, 6000),
+    }
+    for words, size in refused.items():
+        with pytest.raises(InputError, match=words):
+            check_size(*size)
+
+
+def test_even_light_is_a_picture_however_well_it_compresses(tmp_path: Path) -> None:
+    grey = np.full((2100, 2100, 3), 128, np.uint8)
+    Image.fromarray(grey).save(tmp_path / "flat.png")
+    tifffile.imwrite(tmp_path / "flat.tif", grey.astype(np.uint16) * 257, compression="zstd", photometric="rgb")
+    for path in tmp_path.iterdir():
+        assert path.stat().st_size < grey.nbytes // 500
+        assert load_scene(str(path)).shape == (2100, 2100)
+
+
+def test_the_last_tiles_of_a_picture_lie_partly_outside_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "tile.tif"
+    tifffile.imwrite(path, np.zeros((65, 65), np.uint8), tile=(64, 64), compression="zlib")
+    assert load_scene(str(path)).shape == (65, 65)
+
+
+def test_missing_empty_and_folder(tmp_path: Path) -> None:
+    (tmp_path / "empty.dng").touch()
+    os.mkfifo(tmp_path / "pipe.dng")
+    refused = {"absent.dng": "no such file", "empty.dng": "empty", ".": "is a folder", "a\0b.png": "cannot be read"}
+    refused |= {"pipe.dng": "is a pipe or a device", "x" * 300: "cannot be read"}
+    for name, message in refused.items():
+        with pytest.raises(InputError, match=message):
+            load_scene(str(tmp_path / name))
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.zip", "a", "a.jxl", "a.dng", "a.cr2", "a.png", "a.tif"])
+def test_a_stray_file_is_no_raw_cut_short(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"PK\3\4\0\0" if name == "a.zip" else b"II is how this text begins")
+    with pytest.raises(InputError, match="neither a picture nor a camera RAW") as caught:
+        load_scene(str(tmp_path / name))
+    assert f"{name}:" not in str(caught.value)  # whoever prints it puts the name in front
+
+
+def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "photo.dng"
+    Image.new("RGB", (40, 30)).save(path, "JPEG")
+    with pytest.raises(InputError, match=r"is a JPEG picture.*photo\.jpg"):
+        load_scene(str(path))
+    path.rename(tmp_path / "photo.JPG")
+    assert load_scene(str(tmp_path / "photo.JPG")).shape == (30, 40)
+
+
+@pytest.mark.parametrize("beside", ["preview", "samples"])
+@pytest.mark.parametrize("suffix", [".dng", ".tif"])
+def test_our_own_shots_are_refused_with_the_right_command(tmp_path: Path, beside: str, suffix: str) -> None:
+    private: list[Any] = [(50740, "B", 12, b"Panchroma\0{}", True)]
+    version: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True)]
+    pattern: list[Any] = [(33421, "H", 2, (6, 6), True), (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True)]
+    path = tmp_path / f"shot{suffix}"
+    first, second = (tags + (private if beside == where else []) for where, tags in (("preview", version), ("samples", pattern)))
+    with tifffile.TiffWriter(path) as file:
+        file.write(np.zeros((32, 32, 3), np.uint8), photometric="rgb", subifds=1, extratags=first, metadata=None)
+        file.write(np.zeros((96, 96), np.uint16), photometric=32803, extratags=second, metadata=None)
+    with pytest.raises(InputError, match=r"this is a shot.*render it"):
+        load_scene(str(path))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".npy", ".exr", ".dng"])
+def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"good{suffix}"
+    picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
+    if suffix == ".dng":
+        write_dng(path, picture[..., 0])
+    else:
+        dtypes = {".exr": np.float32, ".jpg": np.uint8}
+        save(path, picture.astype(dtypes.get(suffix, np.uint16)))
+    data = path.read_bytes()
+    load_scene(str(path))
+    for part in range(7):
+        path.write_bytes(data[: len(data) * part // 8])
+        with pytest.raises(InputError) as refused:
+            load_scene(str(path))
+        assert "\n" not in str(refused.value)
+    assert capfd.readouterr().out == ""  # standard output is for data
+
+
+def test_commands_start_without_the_libraries_of_file_formats() -> None:
+    script = "import sys, tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
+    assert run_python(script) == "none\n"
+
+
+# --- files that are no scenes ----------------------------------------------------------------------------------------------------
+
+Write = Callable[[Path], object]
+X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
+LOSSY = {"compression": "jpeg", "compressionargs": {"level": 90}}
+
+
+def noise(*shape: int, dtype: Any = np.uint16) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(0).integers(200, 4000, shape).astype(dtype)
+
+
+def written(samples: Any, **options: Any) -> Write:
+    """A file by `save`."""
+    return partial(save, light=samples, **options)
+
+
+def dng(samples: Any, order: str = "RGGB", kind: int = CFA, **fields: Any) -> Write:
+    """A DNG. fields: "t" and a tag -> type and values; other names are options of `write_dng`."""
+    tags = {int(name[1:]): value for name, value in fields.items() if name[1:].isdigit()}
+    others = {name: value for name, value in fields.items() if not name[1:].isdigit()}
+    return lambda path: write_dng(path, samples, order, kind, tags, **others)
+
+
+linear = partial(dng, noise(40, 52, 3), "", LINEAR_RAW)
+
+
+def inflating(path: Path) -> None:
+    """A small linear DNG whose only strip inflates to 50 MB of zeros."""
+    linear(compression="deflate", rowsperstrip=40)(path)
+    with tifffile.TiffFile(path) as file:
+        tags = file.pages.first.tags
+        offset, count = tags[273].valueoffset, tags[279].valueoffset
+    strip, data = zlib.compress(bytes(50_000_000), 9), bytearray(path.read_bytes())
+    for place, value in ((offset, len(data)), (count, len(strip))):
+        data[place : place + 4] = value.to_bytes(4, "little")
+    path.write_bytes(bytes(data) + strip)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "words"),
+    [
+        ("four.dng", dng(noise(60, 80, 4), "", LINEAR_RAW), "several samples per pixel"),
+        ("monochrome.dng", dng(noise(60, 80), "", LINEAR_RAW), "monochrome"),
+        ("x-trans.dng", dng(noise(60, 84), X_TRANS), "X-Trans"),
+        ("no-blue.dng", dng(noise(60, 80), "RGGG"), "nor a camera RAW that LibRaw knows"),
+        ("levels.dng", dng(noise(60, 80), t50714=(SHORT, [3000]), t50717=(SHORT, [2000])), "black level"),
+        ("linear.dng", linear(t50714=(SHORT, [500]), t50717=(SHORT, [400])), "black level 500 is not below white level 400"),
+        ("infinite.dng", linear(t50714=(RATIONAL, (1, 0))), "black level inf is not below"),
+        ("area.dng", linear(t50829=(LONG, (0, 0, 400, 52))), "the active area"),
+        ("five.dng", linear(t50714=(SHORT, (1, 2, 3, 4, 5))), "5 black levels for 1 x 1 pixels"),
+        ("inflating.dng", inflating, "hold more than they say"),
+        ("lossy.dng", dng(noise(40, 52, 3, dtype=np.uint8), "", LINEAR_RAW, **LOSSY), "lossless JPEG"),
+        ("jxl.dng", linear(compression="jpegxl"), "JPEGXL"),
+        ("double.dng", dng(noise(40, 52, 3, dtype=np.float64), "", LINEAR_RAW), "64 bits"),
+        ("planes.dng", dng(noise(3, 40, 52), "", LINEAR_RAW, planarconfig="separate"), "separate planes"),
+        ("shot.dng", lambda path: path.write_bytes(b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20), "this is a shot"),
+        (
+            "tile.tif",
+            lambda path: tifffile.imwrite(path, np.zeros((64, 64), np.uint8), tile=(2064, 2064), compression="zlib"),
+            "tiles of the TIFF hold 4260096 pixels, the picture 4096",
+        ),
+        ("cmyk.jpg", lambda path: Image.new("CMYK", (20, 20)).save(path), "CMYK"),
+        ("z.exr", written(np.ones((5, 7, 1), np.float32), channels="Z"), "the channels Z"),
+        ("five.npy", written(np.zeros((4, 4, 5))), "has 5 channels"),
+        ("line.npy", written(np.zeros(7)), r"of shape \(7,\)"),
+        ("signed.npy", written(np.zeros((4, 4, 3), "i2")), "is int16"),
+        ("complex.npy", written(np.zeros((4, 4, 3), "c8")), "is complex64"),
+        ("objects.npy", written(np.array([[{}]])), "cannot be decoded"),
+        ("empty.npy", written(np.zeros((0, 4, 3))), "empty"),
+    ],
+)
+def test_what_is_no_scene_is_refused_with_the_reason(tmp_path: Path, name: str, write: Write, words: str) -> None:
+    write(tmp_path / name)
+    with pytest.raises(InputError, match=words):
+        load_scene(str(tmp_path / name))
+
+
+# --- a call in a process with limits ---------------------------------------------------------------------------------------------
+
+
+def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
+    match what:
+        case "refuse":
+            raise InputError("is odd")
+        case "spin":
+            while True:
+                pass
+        case "swell":
+            return np.ones((1 << 15, 1 << 15), np.uint8), {}
+        case "crash":
+            os.abort()
+        case "forge":  # as code in a file that takes a library over might
+            for number in range(3, 12):
+                with suppress(OSError):
+                    os.write(number, pickle.dumps(Path("harmless")) + b"\n")
+    print("a library prints")
+    return np.arange(6, dtype=np.uint16).reshape(2, 3), {"what": what, "name": Path(path).name}
+
+
+def test_the_result_comes_back(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"1")
+    samples, facts = run_limited(tmp_path / "a", ("time",), _answer, str(tmp_path / "a"), "read")
+    assert samples.dtype == np.uint16
+    assert samples.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert facts == {"what": "read", "name": "a"}
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [("refuse", "is odd"), ("spin", "0.25 s"), ("swell", "192 MB"), ("crash", "ends the process"), ("forge", "ends the process")],
+)
+def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, said: str) -> None:
+    (tmp_path / "a").write_bytes(b"1")
+    with pytest.raises(InputError, match=said):
+        run_limited(tmp_path / "a", (), _answer, str(tmp_path / "a"), what)
+
+
+SIX = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"",
+        pickle.dumps((True, np.zeros(3))),
+        b"[" * 100_000,
+        b"[]",
+        b"null",
+        json.dumps({**SIX, "dtype": "object"}).encode(),
+        json.dumps({**SIX, "dtype": "float64"}).encode(),
+        json.dumps({**SIX, "shape": [6]}).encode(),
+        json.dumps({**SIX, "shape": [-2, -3]}).encode(),
+        json.dumps({**SIX, "shape": [2.0, 3]}).encode(),
+        json.dumps({**SIX, "shape": [2, 4]}).encode(),
+        json.dumps({**SIX, "shape": [1 << 20, 1 << 20]}).encode(),
+        json.dumps({**SIX, "facts": 7}).encode(),
+        json.dumps({**SIX, "facts": {"long": "x" * (1 << 20)}}).encode(),
+    ],
+)
+def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
+    refused, samples, facts = _received(BytesIO(json.dumps(SIX).encode() + b"\n" + bytes(range(6))), 6)
+    assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
+    with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
+        _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
+
+
+# --- threads ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) -> None:
+    """Standard error was lost for ever, and Pillow's limit of pixels with it."""
+    picture = noise(24, 32, 3, dtype=np.uint8)
+    for suffix in (".png", ".tif", ".jpg", ".npy"):
+        save(tmp_path / f"a{suffix}", picture)
+    save(tmp_path / "a.exr", picture.astype(np.float32))
+    write_dng(tmp_path / "a.dng", noise(60, 80))
+    (tmp_path / "cut.jpg").write_bytes((tmp_path / "a.jpg").read_bytes()[:400])
+    sources = sorted(map(str, tmp_path.iterdir())) * 6
+
+    def state() -> tuple[Any, ...]:
+        return os.fstat(2), Image.MAX_IMAGE_PIXELS, list(warnings.filters), dict(os.environ), sys.stderr
+
+    def read(source: str) -> None:
+        with suppress(InputError):
+            load_scene(source)
+
+    before = state()
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(read, sources))
+    assert state() == before
+
+
+# --- folders ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_of_pictures_beside_a_camera_raw_the_raw_is_the_scene(tmp_path: Path) -> None:
+    picture = noise(24, 32, 3, dtype=np.uint8)
+    for name in ("DSC_1.JPG", "dsc_1.png", "DSC_1_edited.tif", "alone.jpg", "shot.png"):
+        save(tmp_path / name.lower(), picture).rename(tmp_path / name)
+    write_dng(tmp_path / "DSC_1.NEF", noise(60, 80))
+    (tmp_path / "a.truth.png").touch()
+    write_dng(tmp_path / "shot.dng", noise(60, 80), fields={50740: (7, b"Panchroma\0{}")})
+    (tmp_path / "damaged.cr2").touch()
+    (tmp_path / "damaged.jpg").touch()
+    aside = set_aside(sorted(map(str, tmp_path.iterdir())))
+    beside = "beside a camera RAW of the same name"
+    assert {Path(path).name: why for path, why in aside.items()} == {
+        "DSC_1.JPG": beside,
+        "dsc_1.png": beside,
+        "damaged.jpg": beside,
+        "a.truth.png": "(the truth of a shot)",
+        "shot.dng": "(a shot of Panchroma, no scene)",
+    }

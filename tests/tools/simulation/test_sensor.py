@@ -1,0 +1,167 @@
+"""The forward model: what each pixel reads, and noise that has the moments it is said to have.
+
+Bounds on moments are five standard errors of what is estimated: a right model fails one run in a million, and the seed is fixed.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, NoiseModel, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+from tests.offline.scenes import every_case, gamma_of, materials
+from tests.reference import geometry
+from tests.reference.sensor import observe
+from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
+
+ERRORS = 5  # standard errors
+FLOAT32 = 4e-7  # rounding of two float32 of up to 3 scene units
+SHAPE = (240, 246)
+PATTERN = CfaPattern.bayer(6, origin=(1, 4))
+FIVE = CfaPattern.with_block(("RGB", "XWY"), 6, (2, 3))
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def flat(*channels: float, shape: tuple[int, int] = SHAPE) -> FloatArray:
+    return np.full((*shape, len(channels)), channels, np.float32)
+
+
+def planes_of(pattern: CfaPattern, shape: tuple[int, int] = SHAPE) -> Any:
+    """Letters of all pixels."""
+    return np.array([[geometry.letter(pattern, row, column) for column in range(shape[1])] for row in range(shape[0])])
+
+
+def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
+    """Mean and variance of many independent samples of a nearly normal distribution."""
+    assert abs(values.mean() - mean) < ERRORS * math.sqrt(variance / values.size)
+    assert abs(values.var() - variance) < ERRORS * variance * math.sqrt(2 / values.size)
+
+
+# --- what a pixel reads ---------------------------------------------------------------------------------------------------------
+
+
+@every_case
+def test_a_pixel_reads_one_channel_or_the_weighted_sum(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    scene = materials(shape, len(pattern.channels))
+    calibration = SensorCalibration(pattern.channels, gamma_of(pattern))
+    expected = observe(scene, pattern, gamma_of(pattern)).samples
+    np.testing.assert_allclose(sample(scene.astype(np.float32), pattern, calibration), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.float16])
+def test_samples_are_float32_and_the_scene_is_left_alone(kind: Any) -> None:
+    scene = materials((12, 13), 3).astype(kind)
+    before = scene.copy()
+    samples = sample(scene, PATTERN, SensorCalibration())
+    assert samples.dtype == np.float32
+    samples[:] = 0
+    assert np.array_equal(scene, before)
+
+
+@pytest.mark.parametrize("shape", [(12, 12), (12, 12, 2), (12, 12, 4), (12, 3, 12, 3)])
+def test_a_scene_of_other_channels_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="3 channels"):
+        sample(np.zeros(shape, np.float32), PATTERN, SensorCalibration())
+
+
+# --- the paper's noise ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.3])
+def test_additive_noise_has_its_sigma_on_every_plane_and_is_not_clipped(sigma: float) -> None:
+    light = {"R": 0.0, "G": 1.0, "B": 0.5, "W": 1.5}
+    mosaic = simulate_additive(flat(0.0, 1.0, 0.5), PATTERN, SensorCalibration(), sigma, rng())
+    letters = planes_of(PATTERN)
+    for letter, value in light.items():
+        assert_moments(mosaic.signal[letters == letter].astype(np.float64), value, sigma**2)
+    assert mosaic.samples.dtype == np.float32
+    assert mosaic.signal[letters == "R"].min() < 0  # not clipped at black
+    assert mosaic.calibration.noise == NoiseModel.gaussian(sigma, 4)
+
+
+def test_without_noise_the_mosaic_is_the_sample_and_draws_nothing() -> None:
+    scene = materials(SHAPE, 3).astype(np.float32)
+    generator = rng()
+    mosaic = simulate_additive(scene, PATTERN, SensorCalibration(), 0.0, generator)
+    assert np.array_equal(mosaic.signal, sample(scene, PATTERN, SensorCalibration()))
+    assert generator.random() == rng().random()
+
+
+@pytest.mark.parametrize("make", [simulate_additive, simulate_sensor])
+def test_the_generator_alone_decides_the_noise(make: Any) -> None:
+    scene = flat(0.4, 0.3, 0.2)
+
+    def shot(seed: int) -> Any:
+        return make(scene, PATTERN, SensorCalibration(), 0.5, rng(seed)).samples
+
+    assert np.array_equal(shot(1), shot(1))
+    assert not np.array_equal(shot(1), shot(2))
+
+
+@pytest.mark.parametrize(
+    ("make", "amount", "words"),
+    [
+        *((simulate_additive, sigma, "sigma is") for sigma in (-0.1, math.nan, math.inf)),
+        *((simulate_sensor, exposure, "exposure is") for exposure in (0.0, -1.0, math.nan, math.inf)),
+    ],
+)
+def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make(flat(1, 1, 1), PATTERN, SensorCalibration(), amount, rng())
+
+
+# --- the noise of a sensor ------------------------------------------------------------------------------------------------------
+
+# Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the noise, and is known.
+NOISE = NoiseModel((0.002, 0.001, 0.003, 0.0015), (0.02, 0.03, 0.01, 0.015))
+SENSOR = SensorCalibration.of_bits(16, gamma=(0.9, 1.0, 1.1), noise=NOISE)
+BLACK, WHITE = SENSOR.black_level[0], SENSOR.white_level
+ROUNDING = (SENSOR.full_scale / (WHITE - BLACK)) ** 2 / 12
+
+
+@pytest.mark.parametrize(("red", "green", "blue"), [(0.2, 0.5, 0.4), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("exposure", [0.5, 1.0, 2.0])
+def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(red: float, green: float, blue: float, exposure: float) -> None:
+    """In the dark it goes below black, and the black level keeps it."""
+    mosaic = simulate_sensor(flat(red, green, blue), PATTERN, SENSOR, exposure, rng())
+    letters = planes_of(PATTERN)
+    for plane, (letter, value) in enumerate(zip("RGBW", (red, green, blue, red * 0.9 + green + blue * 1.1), strict=True)):
+        signal = value * exposure
+        measured = mosaic.signal[letters == letter].astype(np.float64)
+        assert_moments(measured, signal, NOISE.sigma(signal, plane) ** 2 + ROUNDING)
+    assert mosaic.samples.dtype == np.uint16
+    assert mosaic.calibration == SENSOR
+
+
+def test_shot_noise_comes_in_whole_electrons() -> None:
+    """Without read noise a sample is a whole number of electrons, each `shot` scene units."""
+    quiet = SensorCalibration.of_bits(16, noise=NoiseModel((0.05,) * 4, (0.0,) * 4))
+    electrons = simulate_sensor(flat(0.1, 0.1, 0.1), PATTERN, quiet, 1.0, rng()).signal / 0.05
+    assert np.abs(electrons - np.rint(electrons)).max() < 0.01
+    assert_moments(np.rint(electrons)[planes_of(PATTERN) == "W"].astype(np.float64), 6, 6)  # Poisson: variance = mean
+
+
+def test_light_is_clipped_at_full_scale_not_above() -> None:
+    letters = planes_of(PATTERN)
+    mosaic = simulate_sensor(flat(2.0, 0.5, 0.5), PATTERN, SENSOR, 2.0, rng())
+    assert mosaic.codes.max() == WHITE
+    assert (mosaic.codes[letters == "R"] == WHITE).all()  # 4.0 of 3.0
+    assert (mosaic.codes[letters == "G"] < WHITE).all()  # 1.0 of 3.0
+
+
+@pytest.mark.parametrize("brightness", [1e6, 1e30, 3e38])
+def test_light_past_all_measure_is_white(brightness: float) -> None:
+    mosaic = simulate_sensor(flat(*[brightness] * 3), PATTERN, SENSOR, 1.0, rng())
+    assert (mosaic.codes == WHITE).all()
+
+
+def test_a_sensor_without_noise_model_gets_a_typical_one() -> None:
+    mosaic = simulate_sensor(flat(0.4, 0.4, 0.4), PATTERN, SensorCalibration(), 1.0, rng())
+    assert mosaic.calibration.noise == typical_noise(SensorCalibration())
+    assert mosaic.calibration.noise == NoiseModel((TYPICAL_SHOT,) * 4, (TYPICAL_READ,) * 4)

@@ -1,0 +1,194 @@
+"""Filters before a scene, and the protocols of noise: what cameras read, and what protocols say of themselves."""
+
+import re
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import FloatArray
+from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
+from shared.errors import InputError
+from tools.evaluation.cameras import CameraPair
+from tools.io.scene import Scene, scene_channels
+from tools.simulation.bayer import sample_bayer
+from tools.simulation.filters import Filters, filters_for
+from tools.simulation.protocols import PROTOCOLS, PaperProtocol, Protocol, SensorProtocol, chosen_protocol
+from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
+
+RNG = np.random.default_rng(5)
+
+
+def scene_of(channels: str = "RGB", **fields: object) -> Scene:
+    return Scene(RNG.random((12, 13, len(channels)), np.float32), "a", channels=channels, **fields)  # type: ignore[arg-type]
+
+
+def pattern_of(block: str) -> CfaPattern:
+    return CfaPattern.with_block(tuple(block.split("/")), 6)
+
+
+def test_a_scene_s_own_channels_pass_as_they_are() -> None:
+    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(0.5, 1.0, 0.7))
+    filters = filters_for(pattern_of("RG/GB"), scene)
+    assert filters == Filters("RGB", as_rows(np.eye(3)), (1.0, 1.0, 1.0))
+    assert filters.of(scene.rgb) is scene.rgb
+    assert filters.colours(scene) == (SRGB_TO_XYZ, (0.5, 1.0, 0.7))
+    assert filters.noise == typical_noise(SensorCalibration())  # not a bit else
+
+
+def test_channels_are_in_the_order_of_the_pattern() -> None:
+    scene = scene_of("RGBNV")
+    filters = filters_for(pattern_of("VN/GR"), scene)
+    assert filters.channels == "VNGR"
+    assert np.array_equal(filters.of(scene.rgb), scene.rgb[..., [4, 3, 1, 0]])
+    assert filters.gamma == (1.0,) * 4
+    assert filters.notes == (
+        "no weights of V, N, G and R add up to all light: panchromatic pixels see 1 R + 1 G + 1 N + 1 V of the scene",
+    )
+
+
+def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
+    scene = scene_of()
+    filters = filters_for(pattern_of("CM/YC"), scene)
+    red, green, blue = np.moveaxis(scene.rgb, -1, 0)
+    np.testing.assert_allclose(filters.of(scene.rgb), np.stack([green + blue, red + blue, red + green], -1) / 2, rtol=1e-6)
+    assert filters.gamma == (0.5, 0.5, 0.5)
+    assert filters.unit == 0.5
+    assert np.allclose(filters.noise.read, np.array(typical_noise(SensorCalibration()).read) / 2)
+    assert filters.notes == ("C, M and Y are made from the scene's red, green and blue",)
+    # A panchromatic pixel reads half of R + G + B: the same light in the units of these filters.
+    samples = sample(filters.of(scene.rgb), pattern_of("CM/YC"), SensorCalibration("CMY", filters.gamma))
+    white = pattern_of("CM/YC").panchromatic_mask(samples.shape)
+    np.testing.assert_allclose(samples[white], scene.rgb.sum(axis=2)[white] / 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("block", ["CM/YC", "CM/YG", "RG/BY", "CYM/GRB", "RC/MY", "RC", "YB", "GM"])
+def test_filters_add_up_to_all_light(block: str) -> None:
+    filters = filters_for(pattern_of(block), scene_of())
+    assert min(filters.gamma) > 0
+    np.testing.assert_allclose(np.sum(filters.matrix, axis=1), 1)
+    seen = np.array(filters.gamma) @ filters.matrix
+    np.testing.assert_allclose(seen, seen.mean(), atol=1e-9)  # of each channel as much
+    assert seen.sum() == pytest.approx(sum(filters.gamma))
+    wanted = 3 * np.mean((np.array(filters.matrix) ** 2).sum(axis=1)) if len(set(map(max, filters.matrix))) == 1 else None
+    assert wanted is None or sum(filters.gamma) == pytest.approx(wanted)  # 3 for narrow filters, 1.5 for those of two channels
+
+
+@pytest.mark.parametrize("block", ["CM/YC", "YC/GM", "CYM/GRB"])
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("neutral", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.7)])
+def test_colours_come_back_through_the_filters(block: str, known: bool, neutral: tuple[float, ...]) -> None:
+    to_xyz = np.array(SRGB_TO_XYZ) / neutral
+    scene = scene_of(camera_to_xyz=as_rows(to_xyz) if known else None, neutral=neutral)
+    filters = filters_for(pattern_of(block), scene)
+    matrix, seen = filters.colours(scene)
+    np.testing.assert_allclose(filters.of(scene.rgb) @ np.transpose(matrix), scene.rgb @ to_xyz.T, atol=1e-5)
+    np.testing.assert_allclose(np.array(matrix) @ seen, D50, atol=1e-9)
+
+
+def test_colours_that_filters_cannot_tell_apart_are_unknown() -> None:
+    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(1.0, 1.0, 1.0))
+    assert filters_for(pattern_of("RC"), scene).colours(scene) == (None, (1.0, 1.0))
+    bands = scene_of("NVUR", neutral=(1.0,) * 4)
+    assert filters_for(pattern_of("NU/VR"), bands).colours(bands)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("block", "channels", "words"),
+    [
+        ("RX/GB", "RGB", "has the filters X, and the scene only R, G and B (of which C, M and Y can be made)"),
+        ("CM/YU", "RGB", "has the filters U"),
+        ("CM/YC", "CMV", "has the filters Y, and the scene only C, M and V; use"),
+        ("RY/BR", "RGB", "positive weights of R, Y and B that add up to it; there are none (the nearest: R 0, Y 2, B 1)"),
+    ],
+)
+def test_filters_that_cannot_be(block: str, channels: str, words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        filters_for(pattern_of(block), scene_of(channels))
+
+
+def test_which_channels_a_scene_needs() -> None:
+    assert [scene_channels(each) for each in ("RGB", "CMY", "GCYM", "VGN", "NY")] == ["RGB", "RGB", "RGB", "VGN", "RGBN"]
+
+
+# --- protocols -------------------------------------------------------------------------------------------------------------------
+
+RGB = np.full((60, 66, 3), (0.2, 0.4, 0.3), np.float32)
+PATTERN = CfaPattern.bayer(6)
+
+
+def pair(level: Protocol, scene: FloatArray = RGB, seed: int = 0) -> CameraPair:
+    return CameraPair(level, seed, scene, PATTERN, None)
+
+
+def test_the_papers_protocol_adds_noise_and_nothing_else() -> None:
+    np.testing.assert_array_equal(pair(PaperProtocol(0.0)).bayer.samples, sample_bayer(RGB))
+    shot = pair(PaperProtocol(0.03), np.zeros_like(RGB)).bayer
+    assert shot.samples.min() < -0.05
+    assert shot.samples.std() == pytest.approx(0.03, rel=0.05)
+    assert (shot.shot, shot.read) == (0.0, 0.03)
+    sparse = pair(PaperProtocol(0.03)).sparse
+    assert sparse.samples.dtype == np.float32
+    assert sparse.calibration.noise.sigma(0.5) == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("exposure", [1.0, 0.25, 1 / 16])
+def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) -> None:
+    cameras = pair(SensorProtocol(exposure))
+    bayer, sparse = cameras.bayer, cameras.sparse
+    white = sparse.signal[sparse.pattern.panchromatic_mask(sparse.shape)] / exposure
+    green = bayer.samples[::2, 1::2]
+    assert green.mean() == pytest.approx(0.4, rel=0.02)
+    assert white.mean() == pytest.approx(0.9, rel=0.02)
+    # Noise of the same electrons: variance per scene unit of light is the same, so the sum of three has more signal to noise.
+    assert (bayer.shot * exposure, bayer.read * exposure) == pytest.approx((TYPICAL_SHOT, TYPICAL_READ))
+    assert green.var() == pytest.approx(bayer.shot * 0.4 + bayer.read**2, rel=0.15)
+    assert white.std() / white.mean() < 0.75 * green.std() / green.mean()
+    codes = bayer.samples * exposure * (4095 - 256)
+    np.testing.assert_allclose(codes, np.rint(codes), atol=2e-3)  # 12 bits, through float32
+
+
+def test_sensors_clip_at_white() -> None:
+    bright = pair(SensorProtocol(1.0), RGB * 10)
+    assert bright.bayer.samples.max() == 1.0
+    assert bright.sparse.signal.max() == pytest.approx(3.0)
+
+
+def test_levels_are_ordered_by_noise_checked_and_named() -> None:
+    assert [each.level for each in PaperProtocol.levels([0.03, 0.0, 0.01, 0.01])] == [0.0, 0.01, 0.03]
+    assert [each.level for each in SensorProtocol.levels([0.25, 1.0])] == [1.0, 0.25]
+    assert [PaperProtocol(level).text for level in (0.0, 0.01)] == ["no noise", "sigma 0.01"]
+    assert [SensorProtocol(level).text for level in (2.0, 1.0, 0.25)] == ["exposure 2", "exposure 1", "exposure 1/4"]
+    assert "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits" in SensorProtocol.conditions
+    for level in (-0.1, np.nan):
+        with pytest.raises(InputError, match=r"`sigma` is .* expected"):
+            PaperProtocol.levels([level])
+    for level in (0.0, np.inf):
+        with pytest.raises(InputError, match=r"`light` is .* expected"):
+            SensorProtocol.levels([level])
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values())
+def test_every_protocol_speaks_for_itself(protocol: type[Protocol]) -> None:
+    """Options, figures and reports ask a protocol for nothing that it does not say; its levels go from little noise to much."""
+    levels = protocol.levels()
+    assert [each.level for each in levels] == list(protocol.usual)
+    assert protocol.places(levels) == sorted(protocol.places(levels))
+    said = [getattr(protocol, name) for name in ("option", "metavar", "help", "summary", "unit", "equal_noise", "conditions")]
+    assert all(isinstance(each, str) and each for each in said)
+    noise = [(pair(level).bayer.samples - sample_bayer(RGB)).std() for level in levels]
+    assert noise == sorted(noise)
+    assert chosen_protocol(protocol.name, {protocol.option: 0.5}) == (protocol, 0.5)
+    assert chosen_protocol(None, {protocol.option: 0.5}) == (protocol, 0.5)
+
+
+def test_the_level_of_another_protocol_is_refused() -> None:
+    assert chosen_protocol(None, {"sigma": None, "light": None}) == (PaperProtocol, None)
+    wrong: list[tuple[str | None, dict[str, float]]] = [("paper", {"light": 1.0}), ("sensor", {"sigma": 0.0})]
+    for name, levels in wrong:
+        with pytest.raises(InputError, match="is not a level of `protocol`"):
+            chosen_protocol(name, levels)
+    with pytest.raises(InputError, match="`sigma` and `light` set different kinds of noise; give one of them"):
+        chosen_protocol(None, {"sigma": 0.0, "light": 1.0})
+    with pytest.raises(InputError, match="expected one of paper, sensor"):
+        chosen_protocol("both", {})

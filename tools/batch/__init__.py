@@ -1,0 +1,1 @@
+"""Many shots: jobs, folders, journals, memory, processes; the terminal and its signals."""

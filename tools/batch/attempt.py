@@ -1,0 +1,226 @@
+"""One shot or burst, rendered to one picture, once, by whichever process on whichever machine gets it."""
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shared import CfaPattern
+from shared.arrays import ByteArray, FloatArray
+from shared.errors import InputError, OutputError
+from tools.batch.jobs import Job, Outcome, State, file_status, identity, refuse_existing
+from tools.batch.progress import StageProgress
+from tools.io.ahead import promised
+from tools.io.backup import keep_old
+from tools.io.development import Development, write_picture
+
+from .checks import check_memory, needed_memory
+from .compilation import announced_compilation, compile_ahead, load_compiled
+from .journal import Entry, Journal, digest, key, output_lock
+from .order import Order, Share, Subject
+
+if TYPE_CHECKING:
+    from offline import SolverLog
+
+
+def attempt(order: Order, share: Share, job: Job, listener: StageProgress) -> Outcome:
+    """Make a picture, or find that it is there already.
+
+    order: settings of the run.
+    share: what it may use of the machine.
+    job: the shot or burst, and where its picture goes.
+    listener: takes stages, and remarks for the user.
+
+    Raises InputError, ForeignFileError or OutputError if there can be no picture.
+    """
+    return _Attempt(order, share, job, listener).outcome()
+
+
+@dataclass(frozen=True)
+class _Existing:
+    """What exists already under the name of an output.
+
+    current: the outcome when it is up to date, made by this run or by an earlier one; otherwise None.
+    replace: it may be replaced.
+    changed: a render made it, and somebody has changed it since.
+    """
+
+    current: State | None = None
+    replace: bool = False
+    changed: bool = False
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """See `attempt`."""
+
+    order: Order
+    share: Share
+    job: Job
+    listener: StageProgress
+
+    def outcome(self) -> Outcome:
+        """Find out what is to be done, and do it."""
+        order, output = self.order, self.job.output
+        if not (order.dry_run or order.folder.is_dir()):
+            raise OutputError(
+                f"{order.folder}: the output folder is not there; every machine at work has to see it under this name"
+            )
+        if not any(map(file_status, self.job.files)):
+            self._open()  # says what is wrong with it, before a folder is made for its picture
+        try:
+            if order.dry_run:
+                return self._planned()
+            output.parent.mkdir(parents=True, exist_ok=True)
+            with output_lock(output, wait=self.share.last) as free:
+                return self._made() if free else Outcome(state="postponed")
+        except FileExistsError:
+            raise OutputError(f"{output}: {output.parent} is not a folder; remove it, or use another output folder") from None
+        except OSError as error:
+            raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
+
+    def _planned(self) -> Outcome:
+        """What a dry run would do."""
+        if self._existing(self._digest()).current:
+            return self._current("current", dry_run=True)
+        facts = {"output": str(self.job.output), "dry_run": True}
+        return Outcome(facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned")
+
+    def _made(self) -> Outcome:
+        """Make the picture, while this process holds the lock on the output."""
+        start, order, source_digest = time.monotonic(), self.order, self._digest()
+        existing = self._existing(source_digest)
+        if existing.current:
+            return self._current(existing.current)
+        subject = self._read()
+        with announced_compilation(self.listener):
+            if source_digest is None or self._digest() != source_digest:
+                raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
+            if not self.share.last and needed_memory(subject.mosaic, order.kind, order.settings, subject.count) > self.share.memory:
+                return Outcome(state="postponed")
+            check_memory(subject.mosaic, order.kind, order.settings, self.share.memory, subject.count)
+            compile_ahead([order.settings], self.share.processes, self.listener)  # now that only the writing can fail
+            self._note_what_is_assumed(subject)
+            subject.prepare(self.listener)
+            development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
+            log = self._write(subject, development, existing, source_digest)
+        return self._told(subject, development, pattern, log, time.monotonic() - start)
+
+    def _open(self) -> Subject:
+        return self.order.open(self.job, self.share.memory, self.listener.note)
+
+    def _read(self) -> Subject:
+        """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
+        self.listener.stage("reading", 1)
+        subject = promised(self._open)  # an interrupt need not wait: one call may decode for seconds
+        with announced_compilation(self.listener):
+            load_compiled(self.order.settings)
+        return subject.result()
+
+    def _note_what_is_assumed(self, subject: Subject) -> None:
+        source, mosaic, order = self.job.source, subject.mosaic, self.order
+        calibration, note = mosaic.calibration, self.listener.note
+        if calibration.noise is None:
+            taken = "estimated from the shot" if order.settings.noise.estimate else "taken as zero"
+            note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
+        if not calibration.knows_white and order.kind.has_white_balance:
+            note(f'{source}: the white balance is unknown and taken as even; `wb="auto"` estimates it, `wb="R,G,B"` sets it')
+        for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
+            note(f"{source}: {remark}")
+
+    def _write(self, subject: Subject, development: Development, existing: _Existing, source_digest: str) -> "SolverLog":
+        """Render, and write the picture. Returns what the solvers did."""
+        from offline import SolverLog, threads
+
+        log, path = SolverLog(self.listener), self.job.output
+        if existing.changed:
+            self.listener.note(f"{path}: has changed since it was made; it is kept as {keep_old(path).name}")
+        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of the time, and a large one is
+        # digested meanwhile. The pool is this picture's own: one that stays would wait for ever for a thread whose start is
+        # interrupted.
+        with ThreadPoolExecutor(1) as pool:
+
+            def noted(part: Path) -> Callable[[], object]:
+                return pool.submit(self._note_in_journal, part, source_digest).result
+
+            shown = self._shown(subject.bands(log), subject.lost, development)
+            write_picture(path, shown, development, overwrite=existing.replace, on_complete=noted, threads=threads())
+        return log
+
+    def _shown(self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development) -> Iterator[FloatArray]:
+        """The bands as the picture shows them. lost: where light is lost."""
+        top = 0
+        for band in bands:
+            yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
+            top += len(band)
+        self.listener.stage("writing", 1)
+
+    def _note_in_journal(self, part: Path, source_digest: str) -> None:
+        source, made = os.path.abspath(self.job.source), self.job.output  # noqa: PTH100 (without following links)
+        made_key = self.order.key(made, source_digest)
+        _journal(self.order.folder).append(Entry(self.order.name(made), digest(part) or "", made_key, self.order.run, source))
+
+    def _told(self, subject: Subject, development: Development, pattern: CfaPattern, log: "SolverLog", seconds: float) -> Outcome:
+        """What is said of a picture that was made."""
+        from offline import network_name
+
+        output, kind, calibration = self.job.output, self.order.kind, development.calibration
+        rows, columns = development.written_shape
+        line = f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, {subject.words}{seconds:.1f} s"
+        facts = {
+            "output": str(output),
+            "width": columns,
+            "height": rows,
+            "seconds": round(seconds, 3),
+            "solvers": {name: asdict(each) for name, each in log.solvers.items()},
+            "neutral": calibration.neutral,
+            "neutral_estimated": calibration.neutral_estimated,
+            "learned": network_name(pattern) if self.order.settings.learned.used else None,
+        }
+        return Outcome(facts | subject.facts(), (line,), subject.errors)
+
+    def _current(self, state: State, **facts: bool) -> Outcome:
+        """What is said of a picture that is up to date."""
+        output = self.job.output
+        known = {"output": str(output), "current": True, **facts}
+        return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
+
+    def _existing(self, source_digest: str | None) -> _Existing:
+        """Look up what exists under the name of the output. Raises OutputError for a file that must stay."""
+        order, output = self.order, self.job.output
+        if not output.exists():
+            return _Existing(replace=order.overwrite)
+        made = _journal(order.folder).of(order.name(output))
+        of_this_run = bool(made) and made[-1].run == order.run  # by a process that died before it could say so
+        if not (order.resume or of_this_run):
+            if not order.overwrite:
+                refuse_existing([output])
+            return _Existing(replace=True)
+        if not made and not order.overwrite:
+            raise OutputError(f"{output}: exists already, and no render noted that it made it; `overwrite=True` replaces it")
+        found = digest(output)
+        if made and source_digest and made[-1].digest == found and made[-1].key == order.key(output, source_digest):
+            return _Existing("made" if of_this_run else "current", True)
+        if made and not order.overwrite and _both_there(made[-1].source, self.job.source):
+            raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or `overwrite=True`")
+        return _Existing(None, True, not order.overwrite and found not in {entry.digest for entry in made})
+
+    def _digest(self) -> str | None:
+        """Digest of the files that a picture is made from; None if there is only one, and it cannot be read."""
+        frames = self.job.frames
+        return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
+
+
+@lru_cache(maxsize=1)  # so that a process reads a long journal once
+def _journal(folder: Path) -> Journal:
+    return Journal(folder)
+
+
+def _both_there(one: str, other: str) -> bool:
+    """Whether these are two existing files, rather than one that was moved."""
+    first, second = identity(one), identity(other)
+    return bool(first and second) and first != second

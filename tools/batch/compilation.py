@@ -1,0 +1,125 @@
+"""Compile the renderer's kernels, ahead or when they are needed, and tell the user, who waits for it in a first run."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from shared.processors import available_threads, use_threads
+from tools.batch.memory import available_memory
+from tools.batch.processes import Processes
+from tools.batch.progress import Note, StageProgress
+
+_BETWEEN_NOTES = 10.0  # seconds
+_PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
+_REMEDY = "close other programs, or let the first render compile"
+
+
+@contextmanager
+def announced_compilation(progress: StageProgress) -> Iterator[None]:
+    """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
+
+    progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, it gets notes instead.
+    """
+    from offline import compilation
+
+    tell = _teller(progress)
+    with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
+        yield
+
+
+def limit_threads(count: int | None) -> None:
+    """Let the renderer use so many threads in this process; None: one per processor."""
+    if count is not None:
+        use_threads(min(count, available_threads()))
+
+
+def load_compiled(settings: Any) -> None:
+    """Load what a render with these settings needs, unless some of it has to be compiled first. settings: RenderSettings."""
+    from offline import warm_up
+
+    if _missing([settings]) == []:
+        warm_up(settings)
+
+
+def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:
+    """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
+
+    With one process, for one kernel, or without a folder to keep the result in, it is left to the renders.
+
+    settings: RenderSettings, one or more.
+    processes: how many may be started. Call this in the command's own process, not in one that it has started.
+    progress: see `announced_compilation`.
+    """
+    names = _missing(settings) or []
+    if min(processes, len(names)) > 1:
+        tell = _teller(progress)
+        progress.stage("compiling", len(names))
+        tell("compiling")
+        for number, _ in enumerate(compile_all(names, processes, progress.note), 1):
+            progress.advance()
+            tell(f"compiled kernel {number} of {len(names)}")
+
+
+def _missing(settings: Sequence[Any]) -> list[str] | None:
+    """Names of kernels that have to be compiled and can be kept; None where there is no folder to keep any in."""
+    from offline import kernels_to_compile
+
+    try:
+        return kernels_to_compile(*settings)
+    except RuntimeError:
+        return None
+
+
+def to_compile() -> list[str]:
+    """Names of all kernels that are not in the cache, those that take longest first. Raises RuntimeError where there is none."""
+    from offline import kernels_to_compile
+
+    return kernels_to_compile()
+
+
+def cache_folder() -> Path:
+    """The folder of compiled kernels: beside the sources, NUMBA_CACHE_DIR, or the user's. Raises RuntimeError if there is none."""
+    from offline import kernel_cache
+
+    return kernel_cache()
+
+
+def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
+    """Compile kernels in several processes, as many as memory allows; yields (name, None, or the error) as each is done.
+
+    names: those that take longest first.
+    """
+    possible = min(processes, available_memory() // _PROCESS_BYTES)
+    yield from Processes(max(1, possible), note, _REMEDY)(_compile, names)
+
+
+def _compile(name: str, listener: StageProgress) -> None:
+    from offline import compile_kernel
+
+    compile_kernel(name)
+
+
+def _teller(progress: StageProgress) -> Callable[[str], None]:
+    """A function that says once that the renderer is being compiled, and shows how far it is."""
+    note_once, said = cache(progress.note), time.monotonic()
+
+    def tell(how_far: str) -> None:
+        nonlocal said
+        try:
+            cache_folder()
+        except RuntimeError:
+            often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
+        else:
+            often = "once"
+        note_once(f"compiling the renderer for this processor; it takes about half a minute, {often}")
+        if progress.shows:
+            progress.remark(how_far)
+        elif time.monotonic() - said >= _BETWEEN_NOTES:
+            said = time.monotonic()
+            progress.note(f"{how_far}: {progress.current}")
+
+    return tell

@@ -1,0 +1,90 @@
+"""Render shots to arrays, for programs that keep the picture: the notebook, the demonstration, calibration."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from shared import Mosaic
+from shared.arrays import ByteArray, FloatArray
+from shared.errors import InputError
+from shared.processors import processors
+from shared.spelling import meant
+from tools.batch.console import fault as missing_package
+from tools.batch.console import to_stderr
+from tools.batch.memory import allowed_memory, format_bytes
+from tools.batch.progress import REMARKS, StageProgress
+from tools.io.kind import PictureKind
+from tools.io.samples import joined
+from tools.io.versions import program_version
+
+from .checks import check_light, needed_memory
+from .compilation import announced_compilation, compile_ahead
+
+if TYPE_CHECKING:
+    from offline import Rendering
+    from offline import RenderSettings as RenderSettings  # noqa: PLC0414  the notebook takes it from here
+    from offline import Stages as Stages  # noqa: PLC0414  and this
+
+__all__ = ["RenderSettings", "Stages", "missing_package", "note_once", "program_version", "render_array", "settings_named"]
+
+_AS_ARRAY = PictureKind("npy", 32, "camera")
+
+
+@lru_cache(REMARKS)
+def note_once(line: str) -> None:
+    """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
+    to_stderr(line)
+
+
+def settings_named(preset: object) -> "RenderSettings":
+    """The settings of a preset by name, or settings of one's own. Raises InputError for anything else."""
+    from offline import PRESETS, RenderSettings
+
+    if isinstance(preset, RenderSettings):
+        return preset
+    if preset not in PRESETS:
+        guess = meant(preset, PRESETS) if isinstance(preset, str) else ""
+        raise InputError(f"`preset` is {preset!r}, expected one of {', '.join(PRESETS)}, or offline.RenderSettings{guess}")
+    return PRESETS[str(preset)]
+
+
+def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None) -> tuple[FloatArray, ByteArray | None]:
+    """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`offline.Rendering.lost`).
+
+    stages: makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
+    Standard error has a note while the renderer is being compiled.
+    Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
+    """
+    from offline import colour_bands, measure, row_stages
+
+    chosen = row_stages if stages is None else stages
+    check_light(mosaic, settings)
+    if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
+        rows, columns = mosaic.shape
+        raise InputError(
+            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
+            "close other programs, or use the command `panchroma render`, which needs less: it writes while it renders"
+        )
+    with announced_compilation(progress := StageProgress(note=to_stderr)):
+        measured = measure(mosaic, settings, progress)
+        return joined(colour_bands(measured, settings, progress, chosen), mosaic.shape[0]), measured.lost
+
+
+def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:
+    """What each of these presets makes of a shot; what has to be compiled is compiled first, on all processors."""
+    from offline import render
+
+    settings = [settings_named(preset) for preset in presets]
+    with announced_compilation(progress):
+        compile_ahead(settings, processors(), progress)
+        return [render(mosaic, each, progress) for each in settings]
+
+
+def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:
+    """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
+    from offline import BEST
+    from offline.burst import merge_burst, render_burst_bands
+
+    with announced_compilation(progress):
+        merged = merge_burst(mosaics, BEST, progress, reference=0)
+        return joined(render_burst_bands(merged, BEST, progress), mosaics[0].shape[0])

@@ -1,0 +1,171 @@
+"""What keeps renders of one folder apart: a record of what they have made, and a lock per output.
+
+The record has one line per file, on the disk before the file gets its name.
+
+So a file that is not in the journal was not made by a render, even if a run was interrupted. A line whose file never got its name
+is recognised by the digest. A lock is released when its process dies, so that any number of processes can share a folder.
+"""
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from shared.errors import InputError, OutputError
+from shared.figures import parsed_json
+from shared.writing import own_file, reason, short_name, sync_folder
+from tools.batch.jobs import identity
+
+NAME = ".panchroma-journal.jsonl"
+_FORMAT = 1
+_LONGEST_LINE = 1 << 16  # bytes: two paths, two digests and a name
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file that was made.
+
+    output: its path below the journal's folder, "/" between names.
+    digest: SHA-256 of its bytes.
+    key: digest of everything that it depends on, see `key`.
+    run: name of the run that made it.
+    source: absolute path of the shot.
+    """
+
+    output: str
+    digest: str
+    key: str
+    run: str
+    source: str
+
+
+class Journal:
+    """The journal of one folder. Several processes, on several machines, may use it at the same time."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+        self._entries: dict[str, list[Entry]] = {}
+        self._read = 0
+
+    def of(self, output: str) -> list[Entry]:
+        """Entries of this output from all runs, the latest last. Raises OSError when the journal cannot be read."""
+        self._catch_up()
+        return self._entries.get(output, [])
+
+    def append(self, entry: Entry) -> None:
+        """Add an entry, and wait until it is on the disk. Raises OutputError; the torn line that may be left then is ignored."""
+        line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
+        try:
+            self._append(line)
+        except OSError as error:
+            raise OutputError(f"{self._path}: {reason(error, self._path)}") from error
+
+    def _append(self, line: bytes) -> None:
+        with own_file(self._path, "ab+", buffering=0) as file:
+            if os.fstat(file.fileno()).st_nlink > 1:  # the other name may be that of an original, or of a copy in a backup
+                raise OSError(errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy")
+            exclusive(file.fileno())
+            size = file.seek(0, os.SEEK_END)
+            if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
+                line = b"\n" + line  # the last writer was cut off: keep its torn line apart from this one
+            while line:
+                line = line[file.write(line) :]
+            os.fsync(file.fileno())
+        if not size:
+            sync_folder(self._path.parent)
+
+    def _catch_up(self) -> None:
+        """Read what has been appended since."""
+        try:
+            with own_file(self._path, "rb") as file:
+                if file.seek(0, os.SEEK_END) < self._read:  # it was replaced by another journal
+                    self._entries, self._read = {}, 0
+                file.seek(self._read)
+                while line := file.readline(_LONGEST_LINE):
+                    if len(line) == _LONGEST_LINE:
+                        raise OSError(errno.EINVAL, f"a line of {self._path.name} has {len(line)} bytes or more: remove the file")
+                    if not line.endswith(b"\n"):
+                        break  # torn, or still being written
+                    self._read += len(line)
+                    entry = _entry(line)
+                    if entry is not None:
+                        self._entries.setdefault(entry.output, []).append(entry)
+        except FileNotFoundError:
+            self._entries, self._read = {}, 0
+
+
+def _entry(line: bytes) -> Entry | None:
+    """The entry in a line; None for a torn line, and for a line of another version."""
+    try:
+        document = parsed_json(line)
+        if not isinstance(document, dict) or document.pop("format", None) != _FORMAT:
+            return None
+        entry = Entry(**document)
+    except (InputError, TypeError):
+        return None
+    return entry if all(isinstance(value, str) for value in asdict(entry).values()) else None
+
+
+def key(**parts: Any) -> str:
+    """Digest of everything that an output depends on (JSON values). Equal keys mean equal pictures."""
+    return hashlib.sha256(json.dumps({"format": _FORMAT, **parts}, sort_keys=True).encode()).hexdigest()
+
+
+def digest(path: Path | str) -> str | None:
+    """SHA-256 of a file; None when it is not a file or cannot be read."""
+    with suppress(OSError, ValueError):
+        if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 (a pipe would never end; Path takes no impossible names)
+            with Path(path).open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return None
+
+
+def exclusive(descriptor: int, *, wait: bool = True) -> None:
+    """Lock an open file until it is closed or this process ends; on a file system without locks, do nothing.
+
+    Raises BlockingIOError when another process holds the lock and `wait` is not set.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        raise
+    except OSError:
+        pass
+
+
+@contextmanager
+def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
+    """Hold the lock on `output` in a `with` block; yields False when another process holds it and `wait` is not set.
+
+    The lock is a file beside the output, removed at the end. One that a killed process left behind is taken over, or swept. On a
+    file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
+    the lock file cannot be created.
+    """
+    path = lock_path(output)
+    while True:
+        with own_file(path, "ab") as file:
+            try:
+                exclusive(file.fileno(), wait=wait)
+            except BlockingIOError:
+                yield False
+                return
+            if identity(path) != identity(file.fileno()):
+                continue  # its last owner has removed it meanwhile: this locks nothing
+            try:
+                yield True
+            finally:
+                path.unlink(missing_ok=True)
+            return
+
+
+def lock_path(output: Path) -> Path:
+    """The name of the lock on an output."""
+    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")

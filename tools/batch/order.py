@@ -1,0 +1,178 @@
+"""What a run is asked for, what one shot may use of the machine, and what a picture is rendered from."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from shared import Camera, Mosaic, read_dng
+from shared.arrays import ByteArray, FloatArray
+from shared.progress import Progress
+from shared.reading import MAX_PIXELS
+from tools.batch.jobs import Job
+from tools.batch.progress import Note
+from tools.io.development import Development
+from tools.io.kind import PictureKind
+
+from .checks import check_light
+from .defect_list import Places, with_defects
+from .journal import key
+from .white_balance import AS_SHOT, WhiteBalance
+
+if TYPE_CHECKING:
+    from offline import RenderSettings
+
+
+class Subject:
+    """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a burst.
+
+    mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one. A single
+        shot is given up by `bands`, to save memory.
+    count: number of frames.
+    errors: a line for each file that failed, where others are left to render.
+    words: what is special about the picture, for people; "" for nothing.
+    lost: where light is lost in the picture (`offline.Rendering.lost`), after `bands`.
+    """
+
+    count = 1
+    errors: tuple[str, ...] = ()
+    words = ""
+
+    def __init__(self, mosaic: Mosaic, settings: "RenderSettings") -> None:
+        self.mosaic, self.settings = mosaic, settings
+        self.lost: ByteArray | None = None
+
+    def prepare(self, progress: Progress) -> None:
+        """Do all that comes before `bands`. Raises InputError if there can be no picture."""
+
+    def bands(self, progress: Progress) -> Iterator[FloatArray]:
+        """Yield the picture as `offline.colour_bands` does."""
+        from offline import colour_bands, measure
+
+        measured = measure(self._given_up(), self.settings, progress)
+        self.lost = measured.lost
+        return colour_bands(measured, self.settings, progress)
+
+    def _given_up(self) -> Mosaic:
+        """The shot, which only the caller holds from now on."""
+        mosaic = self.mosaic
+        del self.mosaic
+        return mosaic
+
+    def facts(self) -> dict[str, Any]:
+        """What is special about the picture, for machines."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Order:
+    """Settings that all pictures of a run share.
+
+    folder: the output folder, home of the journal.
+    kind: format, bits and colour space of the pictures.
+    preset: a key of `offline.PRESETS`.
+    exposure: gain of a display picture, stops.
+    camera: replaces the calibration in the shots.
+    run: name of this run in the journal.
+    white: white balance of the pictures.
+    defects: sensor (row, column) of defective pixels, in addition to the calibration's.
+    max_pixels: largest shot that is read.
+    resume: keep pictures that are up to date, replace those of an earlier render that are not.
+    overwrite: replace any existing file.
+    dry_run: write nothing, only report what would be done.
+    no_matter: the fields that change no picture, but only whether, where and when it is made.
+    """
+
+    no_matter: ClassVar[frozenset[str]] = frozenset({"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"})
+
+    folder: Path
+    kind: PictureKind
+    preset: str
+    exposure: float
+    camera: Camera | None
+    run: str
+    defects: Places = ()
+    white: WhiteBalance = AS_SHOT
+    max_pixels: int = MAX_PIXELS
+    resume: bool = False
+    overwrite: bool = False
+    dry_run: bool = False
+
+    @property
+    def settings(self) -> Any:
+        """RenderSettings of the preset."""
+        from offline import PRESETS
+
+        return PRESETS[self.preset]
+
+    def open(self, job: Job, memory: int, note: Note) -> Subject:
+        """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.
+
+        memory: bytes that may be used.
+        note: called with each remark for the user.
+        """
+        mosaic = self.read(job.source)
+        return Subject(mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings)
+
+    def failures(self, job: Job) -> tuple[str, ...]:
+        """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""
+        return ()
+
+    def read(self, source: str) -> Mosaic:
+        """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
+        return self.prepared(self.decode(source))
+
+    def decode(self, source: str) -> Mosaic:
+        """The shot as it is in the file; this does not load the renderer. Raises InputError as `read_dng` does."""
+        return read_dng(source, max_pixels=self.max_pixels)
+
+    def prepared(self, mosaic: Mosaic) -> Mosaic:
+        """A shot, calibrated. Raises InputError for one that cannot become such a picture."""
+        if self.camera is not None:
+            mosaic = self.camera.calibrated(mosaic)
+        if self.defects:
+            mosaic = with_defects(mosaic, self.defects)
+        mosaic = self.white.of(mosaic)
+        self.development(mosaic).check()
+        check_light(mosaic, self.settings)
+        return mosaic
+
+    def development(self, mosaic: Mosaic) -> Development:
+        """How a rendering of this mosaic becomes a picture."""
+        restored = self.settings.highlights.restored
+        return Development(self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored)
+
+    def name(self, output: Path) -> str:
+        """The picture's path below the folder, as it stands in the journal."""
+        return Path(os.path.relpath(output, self.folder)).as_posix()
+
+    def key(self, output: Path, source_digest: str) -> str:
+        """Digest of everything that a picture depends on. Orders with equal keys make equal pictures."""
+        return key(input=source_digest, output=self.name(output), order=self._asked)
+
+    @cached_property
+    def _asked(self) -> str:
+        """Digest of all fields that change pictures, of the settings of the preset, and of the algorithm.
+
+        Every field counts that is not named in `no_matter`: one that is added later cannot be forgotten.
+        """
+        from offline.version import ALGORITHM
+
+        asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
+        return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one shot may use of the machine.
+
+    memory: bytes.
+    last: this is the last pass: do not postpone, but wait for other processes, and fail if the memory is not enough.
+    processes: how many it may start to compile the renderer; 1 = none, where it is in a process that was started itself.
+    """
+
+    memory: int
+    last: bool = False
+    processes: int = 1

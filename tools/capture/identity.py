@@ -1,0 +1,330 @@
+"""Finding the filters of a sensor that nobody described, from one frame.
+
+The frame is cut into square parts, and each part is folded: the mean is taken at each place of a K x K tile. What the scene does
+differs from part to part; what the filters do is the same in all. Energies are products of means from opposite quarters of a part,
+which share no sample and hardly an edge: on average noise and scene add nothing to them.
+
+The smallest period that explains what any period does is that of the filters. Panchromatic sites are the brightest. Sites of one
+colour read the same, whatever the colour of the scene; sites of different colours do not. Which of two colours is red and which is
+blue a mosaic does not tell: a picture of something known does.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.capture.tiles import Tiles
+from shared.arrays import BoolArray, CodeArray, DoubleArray
+from shared.errors import InputError
+from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
+from shared.tiles import TILES, name_of, place_of
+
+DENSE = {
+    "Bayer": "RG/GB",
+    "quad Bayer": "RRGG/RRGG/GGBB/GGBB",
+    "X-Trans": "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG",
+}
+"""Name -> letters, row by row, of the usual tiles that have no panchromatic pixel."""
+UNKNOWN = "?"
+"""Letter of a colour that a frame does not tell."""
+_PERIODS = range(2, PERIODS[-1] + 1)
+_PARTS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread of fewer is unknown
+_SMALLEST = 32  # pixels along a part; and four periods, so that a quarter has two
+_WINDOW = 17  # pixels, about, of local means: whole periods
+_CERTAIN, _SHOWN = 5.0, 0.005  # standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
+# A longer period has to explain this share more, by so many standard errors: in each part, or in what all have in common. In
+# photographs scenes reach 5 and 9; filters 10 and more in one of both.
+_SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
+_GAP = 0.2  # of the range of all sites, between panchromatic ones and others
+_SURE = 4.0  # standard errors by which the colours of a tile without panchromatic sites have to differ
+_DOUBT = 1.0  # standard errors from which on sites may have different colours
+_BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
+_APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
+# Of tiles without panchromatic sites. In six camera RAWs and eight photographs with noise up to 0.03: 61 times and more; where two
+# of four different filters (CYGM, RGBW) are taken for one: at most 25.
+_DENSE_APART = 40.0
+_UNLIKE = 0.005  # of the energy between the brightest sites and others: different filters have 0.015 and more, the same 0.002
+_COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
+_MORE_COLOURS = "CDEFHIJK"
+
+Letters = NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a frame shows of the filters over its sensor.
+
+    tile: K strings of K letters, from the first pixel of the frame on. W is panchromatic, "?" a colour that the frame does not
+        tell. If two colours have equally many sites, the tile with both exchanged would fit as well. Without a name the
+        letters only say which sites are alike.
+    name: the tile's in `shared.tiles`, or one of DENSE; "" if it has none.
+    certainty: energy of what repeats with the period, in standard errors; more than 5.
+    separation: energy by which the two colours that are most alike differ, divided by that by which sites of one colour do; more
+        than 3, or 0 where the frame does not tell colours.
+    light: mean of each site minus what is around it, in mean local deviations, float64 (K, K).
+    """
+
+    tile: tuple[str, ...]
+    name: str
+    certainty: float
+    separation: float
+    light: DoubleArray
+
+    @property
+    def period(self) -> int:
+        """K, 2 to 16."""
+        return len(self.tile)
+
+
+def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
+    """The pattern with these letters from the first pixel on; None if one is unknown, or if Panchroma cannot use the tile."""
+    name, origin = place_of(tuple(tile))
+    with suppress(InputError):
+        return CfaPattern.of_letters(name or "/".join(tile), origin)
+    return None
+
+
+def identify(codes: CodeArray) -> Identity | None:
+    """Find the filters of the sensor that took a frame; None if the frame shows no pattern.
+
+    codes: (H, W), of any size and with any black and white level. Colours show in a scene that has several; the larger the period,
+        the larger the frame has to be.
+
+    The brightest sites are taken for panchromatic if they read the same, and in a tile without a name a sum of the others, unless
+    the tile is one of DENSE. Of tiles with the same panchromatic sites the colours decide; where they do not, they are "?".
+
+    >>> import numpy as np
+    >>> from tools.capture.identity import identify
+    >>> identify(np.full((300, 400), 512, np.uint16)) is None
+    True
+    """
+    folds = _Folds(codes)
+    found = _period(folds)
+    if found is None:
+        return None
+    period, certainty = found
+    quarters = folds.quarters(period)
+    light = quarters.mean(axis=(0, 1)).reshape(period, period)
+    if np.diff(np.sort(light, axis=None)).max() < _GAP * np.ptp(light):
+        return None
+    alike = _are_alike(quarters, _bright(light).ravel())
+    open_tile = np.full(light.shape, UNKNOWN), 0.0
+    name, letters, separation = _named(folds, light, alike) or ("", *(_kinds(quarters, light) if alike else open_tile))
+    if not name and separation and not _is_sum(folds.levels(period), letters.ravel()):
+        letters, separation = open_tile
+    times = len(letters) // period
+    return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
+
+
+class _Folds:
+    """A frame, cut into parts of the size that a period needs, and folded with it.
+
+    periods: those for which the frame has enough parts.
+    """
+
+    def __init__(self, codes: CodeArray) -> None:
+        self.periods = [each for each in _PERIODS if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW]
+        self._parts = cache(lambda side: Tiles.of(codes, side, _PARTS))
+        self._flat = cache(lambda side, window: self._parts(side).flattened(window))
+
+    def levels(self, period: int) -> DoubleArray:
+        """Mean of each part at each place of a tile, codes: (parts, K K)."""
+        tiles = self._parts(self._side(period))
+        levels: DoubleArray = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
+        return levels.reshape(-1, period**2)
+
+    def quarters(self, period: int, large: int = 0) -> DoubleArray:
+        """Means of each part's four quarters at each place of a tile, less the mean of all places: (parts, 4, K K).
+
+        large: the parts are as large as this period needs; 0 = as this one.
+        """
+        large = large or period
+        flat = self._flat(self._side(large), large * max(round(_WINDOW / large), 1))
+        folded = [flat.quarter(*place).folded(period) for place in product((0, 1), repeat=2)]
+        return np.stack(folded, axis=1).reshape(len(folded[0]), 4, period**2)
+
+    @staticmethod
+    def _side(period: int) -> int:
+        return max(_SMALLEST, 4 * period)
+
+
+def _period(folds: _Folds) -> tuple[int, float] | None:
+    """The smallest period that explains what any does, and its certainty in standard errors; None if none is certain."""
+    energies = {each: _common(folds.quarters(each)) for each in folds.periods}
+    sure = [each for each, energy in energies.items() if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN]
+    if not sure:
+        return None
+    likely = max(sure, key=lambda each: float(energies[each].mean()))
+    found = min(each for each in energies if likely % each == 0 and not _explains_more(folds, likely, each))
+    longer = (each for each in energies if each > found and each % found == 0)
+    found = next((each for each in longer if _explains_more(folds, each, found)), found)
+    return (found, _errors(energies[found])) if found in sure else None
+
+
+def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
+    """Whether a period certainly explains something that one of its divisors does not, in the same parts."""
+    more, less = folds.quarters(longer), folds.quarters(shorter, large=longer)
+    for energy, least in ((_energy, _MORE), (_common, _COMMON)):
+        gain = energy(more) - energy(less)
+        if _errors(gain) > least and float(gain.mean()) > _SHARE * float(energy(more).mean()):
+            return True
+    return False
+
+
+def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters, float] | None:
+    """Name, letters (K, K) and separation of the tile with a name that fits best; None if none does.
+
+    alike: whether the brightest sites may be panchromatic.
+
+    Its period may be a multiple of the one that was found: in a checkerboard of panchromatic sites little else may show.
+    """
+    period = len(light)
+    likely: dict[str, Letters] = {}
+    for side in (each for each in folds.periods if alike and each % period == 0):
+        repeated = np.tile(light, (side // period, side // period))
+        fitting = [each for each in _known(side, repeated) if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))]
+        if found := _best(folds.quarters(side), fitting, sure=side > period):
+            return found
+        likely |= dict(fitting)
+    dense = [each for each in _known(period, light) if PANCHROMATIC not in each[1]]
+    found = _best(folds.quarters(period), dense, sure=True)
+    if found and found[2] > _DENSE_APART:
+        return found
+    if len(likely) != 1:
+        return None
+    ((name, tile),) = likely.items()
+    return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN), 0.0
+
+
+def _best(quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool) -> tuple[str, Letters, float] | None:
+    """The tile whose sites of a colour read most alike, and its separation; None if another one may be it as well.
+
+    tiles: names and letters; of two in which the same sites are alike the first counts.
+    sure: all colours have to differ for certain.
+    """
+    kinds = {(tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)}
+    spreads = {key: _spread(quarters, tile.ravel()) for key, (_, tile) in kinds.items()}
+    best = min(spreads, key=lambda each: float(spreads[each].mean()), default=b"")
+    if not spreads or any(_errors(spreads[other] - spreads[best]) < _BETTER for other in spreads if other != best):
+        return None
+    name, tile = kinds[best]
+    separation = _separation(quarters, tile.ravel(), sure)
+    return (name, tile, separation) if separation > _APART else None
+
+
+def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
+    """Name and letters of the tiles with this period, wherever they begin; those whose green is brightest come first."""
+    known = [(name, letters.split("/")) for name, letters in (TILES | DENSE).items() if name != "paper"]
+    if period in PERIODS:
+        blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
+        known += [(name_of(blocks[0]), [*tile]) for tile in blocks]
+    tiles = [(name, np.array([[*row] for row in rows])) for name, rows in known]
+    begun = [(name, np.roll(tile, step, (0, 1))) for name, tile in tiles if len(tile) == period for step in np.ndindex(tile.shape)]
+    yield from sorted(begun, key=lambda each: -float(light[each[1] == "G"].mean()))
+
+
+def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
+    """Whether the brightest sites may have one filter: panchromatic ones read the same."""
+    within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
+    beside = _energy(quarters[..., bright].mean(axis=2, keepdims=True) - quarters[..., ~bright].mean(axis=2, keepdims=True))
+    return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
+
+
+def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
+    """Whether panchromatic sites see the sum of the others: from part to part they read more, the more there is of each colour.
+
+    Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta and green.
+    """
+    kinds = [levels[:, letters == letter].mean(axis=1) for letter in (PANCHROMATIC, *_colours(letters))]
+    clear, *colours = (kind - kind.mean() for kind in kinds)
+    return bool((np.linalg.lstsq(np.stack(colours, axis=1), clear)[0] > 0).all())
+
+
+def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
+    """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as are certainly apart.
+
+    Sites are joined, those that differ least first, until any two kinds differ more than panchromatic sites do. Where that is in
+    doubt, all colours stay open.
+    """
+    bright, level = _bright(light).ravel(), light.ravel()
+    letters = np.where(bright, PANCHROMATIC, UNKNOWN)
+    usual = max(2 * float(_spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC)).mean()), 1e-6)
+    sites = np.flatnonzero(~bright)
+    apart, members = _differences(quarters)[np.ix_(sites, sites)], np.eye(len(sites), dtype=np.bool_)  # of groups, a row each
+    while len(members) > 1:
+        shares = members / members.sum(axis=1, keepdims=True)
+        means = shares @ apart @ shares.T
+        np.fill_diagonal(means, np.inf)
+        first, second = sorted(np.unravel_index(int(means.argmin()), means.shape))
+        nearest = _energy(quarters[..., sites] @ (shares[[first]] - shares[[second]]).T)
+        separation = float(nearest.mean()) / usual
+        if separation > 1 and _errors(nearest) > _DOUBT:
+            if len(members) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
+                break
+            names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
+            groups = sorted((sites[each] for each in members), key=lambda group: (-len(group), -level[group].mean()))
+            for letter, group in zip(names, groups, strict=False):
+                letters[group] = letter
+            return letters.reshape(light.shape), separation
+        members[first] |= members[second]
+        members = np.delete(members, second, axis=0)
+    return letters.reshape(light.shape), 0.0
+
+
+def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
+    """By how many times more the two colours that are most alike differ than sites of one colour do.
+
+    sure: 0 unless that is certain.
+    """
+    kinds = [quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)]
+    apart = min((_energy(first - second) for first, second in combinations(kinds, 2)), key=lambda each: float(each.mean()))
+    if sure and _errors(apart) < _SURE:
+        return 0.0
+    return float(apart.mean()) / max(2 * float(_spread(quarters, letters).mean()), 1e-6)
+
+
+def _spread(quarters: DoubleArray, letters: Letters) -> DoubleArray:
+    """Variance of the sites of a colour about their mean, in each part, (parts,)."""
+    kinds = [quarters[..., letters == letter] for letter in _colours(letters)]
+    energies = sum(_energy(kind - kind.mean(axis=2, keepdims=True)) * kind.shape[2] for kind in kinds)
+    return np.asarray(energies / max(sum(kind.shape[2] - 1 for kind in kinds), 1))
+
+
+def _colours(letters: Letters) -> list[str]:
+    return sorted({*letters.tolist()} - {PANCHROMATIC})
+
+
+def _bright(light: DoubleArray) -> BoolArray:
+    """The sites above the widest gap between the levels of sites."""
+    levels = np.sort(light, axis=None)
+    return light > levels[np.diff(levels).argmax()]
+
+
+def _differences(quarters: DoubleArray) -> DoubleArray:
+    """Energy of the difference of any two sites, (K K, K K)."""
+    products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (2 * len(quarters))
+    own = np.diag(products)
+    return own[:, None] + own - products - products.T
+
+
+def _common(quarters: DoubleArray) -> DoubleArray:
+    """Energy that each part has in common with the mean of all others, (parts,)."""
+    means = quarters.mean(axis=1)
+    others = (means.sum(axis=0) - means) / (len(means) - 1)
+    return (means * others).mean(axis=1)
+
+
+def _energy(quarters: DoubleArray) -> DoubleArray:
+    """Energy of each part without that of noise, (parts,): products of opposite quarters."""
+    return (quarters[:, 0] * quarters[:, 3] + quarters[:, 1] * quarters[:, 2]).mean(axis=1) / 2
+
+
+def _errors(energies: DoubleArray) -> float:
+    """Mean of some energies in standard errors."""
+    error = float(energies.std(ddof=1)) / len(energies) ** 0.5
+    return float(energies.mean()) / error if error else 0.0

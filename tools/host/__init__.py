@@ -1,1 +1,0 @@
-"""The machine and the person at it: terminal, signals, memory, processes. Uses no other room of `tools`."""

@@ -1,0 +1,1 @@
+"""Scenes and pictures as files: decoders, encoders, colour and display."""

@@ -1,0 +1,51 @@
+"""Work in threads of its own: on the pieces of a sequence, while the caller makes the next ones; and what nobody waits for."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from threading import Thread
+from typing import TypeVar
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+WAITING = 1
+"""Pieces, beside one per thread, that wait until they are worked on or used."""
+
+
+def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iterator[R]:
+    """Yield `work(piece)` for each piece, in order; `work` runs in threads of its own, `pieces` are taken in this one.
+
+    It pays where `work` spends its time in NumPy, in a codec or on a file, which let other threads run. At most `threads + WAITING`
+    pieces are held. Raises what `work` and `pieces` raise. When the iteration is left early, pieces that have begun are finished,
+    and the others are dropped.
+
+    >>> from tools.io.ahead import ahead
+    >>> list(ahead(abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+    pending: deque[Future[R]] = deque()
+    pool = ThreadPoolExecutor(threads, "ahead")
+    try:
+        for piece in pieces:
+            pending.append(pool.submit(work, piece))
+            while pending and (len(pending) >= threads + WAITING or pending[0].done()):
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def promised(work: Callable[[], R]) -> Future[R]:
+    """What `work` returns or raises, from a thread that nobody waits for when the program ends or an interrupt comes."""
+    promise: Future[R] = Future()
+
+    def fulfil() -> None:
+        try:
+            promise.set_result(work())
+        except BaseException as error:
+            promise.set_exception(error)
+
+    Thread(target=fulfil, name="promised", daemon=True).start()
+    return promise

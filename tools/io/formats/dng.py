@@ -1,0 +1,151 @@
+"""Linear DNG: three samples per pixel (LinearRaw, 16 bits, lossless), to finish in a raw developer.
+
+Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest spot, and raw developers find
+clipped highlights at the white level and make them white.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shared.arrays import ByteArray, FloatArray
+from shared.dng.colour_tags import colour_fields
+from shared.dng.container import DIGEST_TILE, check_sides, joined_digest, main_directory, picture_fields, picture_id, tile_digests
+from shared.dng.lossless_jpeg import encode_lossless
+from shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
+from shared.errors import InputError
+from shared.metadata import CaptureMetadata
+from shared.tiff import Directory, FieldType, write_tiff
+from tools.io.ahead import WAITING, ahead
+
+from ..development import CAMERA, Development
+from ..display import checked_picture
+from ..samples import display_codes, joined, regrouped
+from .format import Format
+
+PART = DIGEST_TILE
+"""Rows of a part of a picture."""
+_BITS, _WHITE_CODE = 16, 65535
+_TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
+_MEMORY_OF_PART = 30.0  # bytes per pixel of a part that waits or is compressed
+
+
+class EncodedPart(NamedTuple):
+    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the samples."""
+
+    tiles: list[bytes]
+    digests: bytes
+
+
+class LinearDng(Format):
+    """Linear DNG, with the colours and the white of our own rendering. Only what is compressed, and the preview, is held."""
+
+    name = "dng"
+    spaces: ClassVar = {CAMERA: (16,)}
+    about = "linear, to finish in a raw developer"
+    in_bands = True
+    longest_side = LONGEST_SIDE
+    memory_per_pixel = 10.0  # of noise; pictures take two thirds of that
+
+    def check(self, development: Development) -> None:
+        """See `Format`."""
+        channels = development.calibration.channels
+        if len(channels) != 3:
+            raise InputError(f"dng holds pictures of 3 channels, the sensor has {channels}; use tif, exr or npy")
+        _ = development.shown  # raises InputError for unknown colours
+        super().check(development)
+
+    def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
+        """See `Format`."""
+        parts = _MEMORY_OF_PART * min(PART * (threads + WAITING + 1), shape[0]) * shape[1]
+        return super().memory(shape, channels, rendering, threads) + parts
+
+    def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
+        """See `Format`; raw developers turn it."""
+        self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
+
+    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+        """See `Format`. What is saturated, and not restored, gets the white level in every channel."""
+        shown, shape, parts = development.shown, development.shape, list[EncodedPart]()
+
+        def encoded(rgb: FloatArray) -> tuple[EncodedPart, ByteArray]:
+            rgb = shown.whitened(rgb, shown.saturated(rgb))
+            return encode_part(rgb, shape), display_codes(rgb, shown, 8)
+
+        def previews() -> Iterable[ByteArray]:
+            for part, preview in ahead(encoded, regrouped(bands, PART), threads):
+                parts.append(part)
+                yield preview
+
+        preview = joined(previews(), shape[0])
+        camera_to_xyz = shown.space.to_xyz @ np.array(shown.matrix)
+        main = linear_dng(parts, preview, development.noted, camera_to_xyz, shown.white)
+        write_tiff(file, main, main.strips)
+
+
+def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
+    """Encode some rows of a picture in camera colours; parts are independent of each other.
+
+    rgb: (rows, W, 3) floats, linear camera RGB in scene units, in the orientation of the mosaic: `PART` rows, or what is left of
+        the picture. Values below 0 and above 1 are clipped.
+    shape: (H, W) of the picture.
+    Raises InputError for values that are not finite, and for a side of more than 65500 pixels.
+    """
+    check_sides(shape)
+    if not np.isfinite(rgb).all():
+        raise InputError("the picture has values that are not finite (NaN or infinite)")
+    scaled = rgb * np.float32(_WHITE_CODE)
+    codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16, order="C")
+    tall, wide = _tile(shape)
+    pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
+    # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.
+    pieces[-1] = np.pad(pieces[-1], ((0, 0), (0, wide - pieces[-1].shape[1]), (0, 0)), mode="edge")
+    tiles = [encode_lossless(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS) for piece in pieces]
+    return EncodedPart(tiles, tile_digests(codes))
+
+
+def _tile(shape: tuple[int, int]) -> tuple[int, int]:
+    """Rows and columns of a tile: a picture of one part is one strip, others have two tiles side by side."""
+    if shape[0] <= PART:
+        return shape
+    # One tile would be wider than the picture if that is no multiple of 16: RawTherapee, like dcraw, then shears the picture.
+    return PART, -(-shape[1] // (2 * _TILE)) * _TILE
+
+
+def linear_dng(
+    parts: Sequence[EncodedPart],
+    preview: ByteArray,
+    metadata: CaptureMetadata,
+    camera_to_xyz: ArrayLike | None,
+    neutral: ArrayLike | None,
+) -> Directory:
+    """Return the DNG of a picture, to be written as a TIFF, from its parts in order.
+
+    preview: the picture as uint8 sRGB (H, W, 3).
+    metadata: capture data.
+    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix.
+    neutral: reading of white in the 3 channels; None = unknown.
+    Raises InputError for a matrix or a neutral that cannot be.
+    """
+    shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
+    fields = picture_fields(shape, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
+        TAG["NewSubfileType"]: (FieldType.LONG, [0]),
+        TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, [1, 1]),
+        TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),
+        TAG["WhiteLevel"]: (FieldType.SHORT, [_WHITE_CODE] * 3),
+    }
+    if len(parts) > 1:
+        # Tiles: of several strips LibRaw reads only the first.
+        del fields[TAG["RowsPerStrip"]]
+        tall, wide = _tile(shape[:2])
+        fields |= {TAG["TileWidth"]: (FieldType.LONG, [wide]), TAG["TileLength"]: (FieldType.LONG, [tall])}
+    raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
+    digest = joined_digest(b"".join(part.digests for part in parts))
+    main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
+    main.fields.update(colour_fields(camera_to_xyz, neutral))
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()
+    main.fields[TAG["BaselineExposure"]] = FieldType.SRATIONAL, [0.0]
+    return main

@@ -1,0 +1,70 @@
+"""TIFF 6.0.
+
+8 bits are compressed with LZW, the others are not: noise in the last bits makes LZW larger than that, and TIFF 6.0 has nothing
+better; Deflate came later.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, BinaryIO, ClassVar
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.dng.container import picture_fields
+from shared.dng.tags import TAG, Compression
+from shared.tiff import Fields, FieldType, write_tiff
+from tools.io.ahead import ahead
+
+from ..development import CAMERA, Development
+from ..samples import regrouped
+from .format import Format
+
+_STRIP_ROWS = 64
+
+# TIFF 6.0; 34675 is ICC.1:2010 Annex B.4.
+_PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 317, 338, 339, 34675
+_LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
+
+
+class Tiff(Format):
+    """TIFF; each band goes to the file as it comes. Raises InputError for files that would exceed 4 GiB."""
+
+    name, aliases = "tif", ("tiff",)
+    spaces: ClassVar = {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)}
+    in_bands = True  # the bands that wait take less than the planes of the frame that are no longer needed then
+
+    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+        """See `Format`."""
+        bits = development.kind.bits
+        directory = development.directory
+        fields = _fields((*development.written_shape, len(development.channels)), bits, rgb=development.channels == "RGB")
+        if development.icc:
+            fields[_ICC] = FieldType.UNDEFINED, development.icc
+        rows = regrouped(bands, _STRIP_ROWS)
+        strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
+        write_tiff(file, replace(directory, fields={**directory.fields, **fields}), strips)
+
+
+def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
+    channels = shape[2]
+    compression, photometric = _LZW if bits == 8 else Compression.NONE, _RGB if rgb else _BLACK_IS_ZERO
+    fields = picture_fields(shape, bits, compression, photometric) | {
+        TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
+        _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),
+    }
+    if bits == 8:
+        fields[_PREDICTOR] = FieldType.SHORT, [_HORIZONTAL]
+    if extra := channels - (3 if rgb else 1):
+        fields[_EXTRA] = FieldType.SHORT, [0] * extra
+    return fields
+
+
+def _plain_strip(rows: NDArray[Any]) -> memoryview:
+    return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).data.cast("B")
+
+
+def _lzw_strip(rows: NDArray[Any]) -> bytes:
+    differences = imagecodecs.delta_encode(np.ascontiguousarray(rows), axis=-2)
+    return bytes(imagecodecs.lzw_encode(differences.tobytes()))

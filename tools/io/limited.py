@@ -1,0 +1,118 @@
+"""Call one function in a process with limits of time and memory, for libraries that believe whatever a file declares.
+
+A call that exceeds its limits, and a library that crashes, end that process and not this one. This limits resources and is no
+sandbox: a file that takes a library over can do whatever the user may do. Only numbers and texts come back, and are checked here.
+"""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from math import prod
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.errors import InputError
+
+from .file_size import data_bytes
+
+Facts = dict[str, Any]
+"""Whatever JSON holds, by name."""
+
+_SECONDS, _SECONDS_PER_BYTE = 0.25, 0.5e-6  # a camera's RAW takes 0.05 seconds per megabyte
+_BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, and has at least 10
+_BYTES_PER_THREAD = 10 << 20  # stacks of the threads that a library starts, one per processor
+_LONGEST_FACTS = 1 << 20  # bytes
+_SAMPLES = ("uint8", "uint16", "uint32", "float16", "float32")
+_START = "import sys; sys.path[:] = {path!r}; from tools.io.limited import serve; serve()"
+
+
+def run_limited(
+    file: Path, modules: tuple[str, ...], function: Callable[..., tuple[NDArray[Any], Facts]], *arguments: str | int
+) -> tuple[NDArray[Any], Facts]:
+    """Call `function`, which reads `file`, in a new process, and return its result: samples (H, W) or (H, W, C), and facts.
+
+    file: its length decides what the call may use: a quarter of a second of a processor and 200 MB, and more for each byte.
+    modules: imported before the limits apply.
+    function: defined at the top level of a module.
+    Raises InputError with the message of the InputError that `function` raises, and when the process exceeds its limits, ends in
+    another way, or answers anything else. What the facts say is for the caller to check.
+    """
+    size = data_bytes(file)
+    seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE
+    request = json.dumps((modules, seconds, most, function.__module__, function.__name__, arguments))
+    line = [sys.executable, "-c", _START.format(path=sys.path)]
+    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    # MALLOC_ARENA_MAX: glibc reserves 64 MB for each thread otherwise.
+    with subprocess.Popen(line, stdin=subprocess.PIPE, env={**os.environ, "MALLOC_ARENA_MAX": "1"}, **quiet) as process:  # type: ignore[call-overload]
+        try:
+            with suppress(BrokenPipeError), process.stdin as sending:
+                sending.write(request.encode())
+            refused, samples, facts = _received(process.stdout, most)
+        except (ValueError, TypeError, LookupError, RecursionError):
+            raise InputError(
+                f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the process that reads it, which no "
+                f"picture of {size} bytes does: the file is damaged, or made to fill the memory; copy it again"
+            ) from None
+        finally:
+            process.kill()
+    if refused:
+        raise InputError(refused)
+    return samples, facts
+
+
+def _received(stream: IO[bytes], most: int) -> tuple[str, NDArray[Any], Facts]:
+    """Return the message of an error, "" without one, the samples and the facts in an answer of `serve`.
+
+    most: bytes of samples.
+    Raises ValueError, TypeError, LookupError or RecursionError for any other answer.
+    """
+    answer = json.loads(stream.readline(_LONGEST_FACTS))
+    refused, kind, shape, facts = str(answer["refused"]), answer["dtype"], tuple(answer["shape"]), dict(answer["facts"])
+    if kind not in _SAMPLES or len(shape) not in (2, 3) or not all(type(side) is int and side >= 0 for side in shape):
+        raise ValueError("no samples of a picture")
+    if prod(shape) * np.dtype(kind).itemsize > most:
+        raise ValueError("more samples than the process may hold")
+    samples = np.empty(shape, kind)
+    if stream.readinto(samples.reshape(-1).view(np.uint8)) != samples.nbytes:  # type: ignore[attr-defined]
+        raise ValueError("cut short")
+    return refused, samples, facts
+
+
+def serve() -> None:
+    """Answer the request on standard input; what libraries print is dropped."""
+    answer = os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    modules, seconds, most, module, name, arguments = json.load(sys.stdin)
+    for needed in (*modules, module):
+        import_module(needed)
+    _limit(seconds, most)
+    refused, samples, facts = "", np.empty((0, 0), np.uint8), Facts()
+    try:
+        samples, facts = getattr(sys.modules[module], name)(*arguments)
+    except InputError as error:
+        refused = str(error)
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    head = {"refused": refused, "dtype": samples.dtype.name, "shape": samples.shape, "facts": facts}
+    answer.write(json.dumps(head).encode() + b"\n")
+    answer.write(np.ascontiguousarray(samples).reshape(-1).view(np.uint8).data)
+    answer.close()
+
+
+def _limit(seconds: float, most: int) -> None:
+    """End this process after `seconds` of its processors' time; let its memory grow by `most` bytes."""
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    with suppress(OSError, ValueError):  # a system that does not know its data, or a lower limit that is set already
+        now = int(Path("/proc/self/statm").read_text("ascii").split()[5]) * resource.getpagesize()
+        ceiling = now + most + (os.cpu_count() or 1) * _BYTES_PER_THREAD
+        resource.setrlimit(resource.RLIMIT_DATA, (ceiling, ceiling))

@@ -1,1 +1,0 @@
-"""Writing of pictures, previews and illustrations, in all output formats."""

@@ -1,1 +1,0 @@
-"""Shots to pictures: one, or a million, by several processes or machines, with a record of what is done."""

@@ -1,0 +1,207 @@
+"""Dead leaves: a picture of occluding shapes, with the statistics of natural scenes.
+
+Leaves of all sizes fall at random and hide what lies below (G. Matheron's model; A. B. Lee, D. Mumford and J. Huang, "Occlusion
+Models for Natural Images", IJCV 2001: radii distributed as r^-3 give the scale invariance that photographs have). Each leaf has
+one material, so its chromaticity is constant, while shading, veins and cast shadows vary its luminance. This is the paper's
+assumption about the world; the outlines of the leaves are edges that break it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from tools.io.colour import decode_srgb
+
+LeafArray = NDArray[np.int32]  # indices of leaves
+
+SAMPLES = 3  # per pixel and axis: outlines are antialiased with nine
+LARGEST, SMALLEST = 0.13, 0.0035  # radii, in parts of the frame's scale
+LEAST = 1.5  # pixels: no radius is smaller
+# Leaves over each point, per octave of radius, largest first. Equal figures would be exactly r^-3; fewer small leaves leave some
+# calm surfaces, as in a photograph.
+COVER = (1.7, 1.1, 0.7, 0.4, 0.25, 0.16, 0.11)
+FILL = 0.66  # part of its bounding disc that a leaf covers, on average
+TIPPED = 0.7  # part of the leaves that are pointed; the others are ellipses
+GROUND = (0.030, 0.026, 0.022)  # reflectance where there is no leaf
+SHADOW, SHADOW_STEPS = 0.84, 3  # light that one step of shadow lets through; number of steps
+STRIP = 192  # rows of pixels drawn at once, to limit memory
+
+# Earth, foliage, bark, blossom, slate, sky: encoded sRGB, and relative frequency.
+_COLOURS = (
+    (0xC48A3C, 3.0), (0x9E542A, 3.0), (0x6E3E28, 3.0), (0x78743C, 3.0),
+    (0x4A5C34, 3.0), (0x96965C, 2.0), (0xD0B278, 2.5), (0xAC3228, 1.2),
+    (0xDE9632, 1.3), (0x566470, 1.5), (0x3A465C, 1.0), (0x784658, 1.0),
+    (0xE2CEAA, 1.3), (0x3C2C26, 2.0), (0x648C82, 0.8), (0xBA6E6E, 0.8),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Materials:
+    """What leaves are made of: m materials, in C channels.
+
+    reflectance: (m, C).
+    frequency: (m,), relative.
+    variation: (k, C), ways in which leaves of one material differ: the logarithm of reflectance at one standard deviation.
+    ground: (C,), reflectance where there is no leaf.
+    """
+
+    reflectance: DoubleArray
+    frequency: DoubleArray
+    variation: DoubleArray
+    ground: DoubleArray
+
+
+def rgb_materials() -> Materials:
+    """Materials in linear sRGB."""
+    codes = np.array([code for code, _ in _COLOURS])
+    colours = decode_srgb(np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1) / 255)
+    return Materials(colours, np.array([weight for _, weight in _COLOURS]), 0.09 * np.eye(3), np.array(GROUND))
+
+
+@dataclass(frozen=True, eq=False)
+class Leaves:
+    """n leaves, the lowest first; arrays (n,).
+
+    x, y, radius: pixels.
+    angle: radians.
+    breadth: width across, in parts of the radius.
+    tipped: whether the leaf is pointed.
+    reflectance: float32 (n, C).
+    """
+
+    x: DoubleArray
+    y: DoubleArray
+    radius: DoubleArray
+    angle: DoubleArray
+    breadth: DoubleArray
+    tipped: BoolArray
+    reflectance: FloatArray
+
+
+def dead_leaves(width: int, height: int, scale: float, seed: int = 1, materials: Materials | None = None) -> FloatArray:
+    """Draw a frame of dead leaves: reflectance times shading, float32 (height, width, C), about 0.003 to 0.95.
+
+    width, height: pixels.
+    scale: pixels per unit of LARGEST and SMALLEST.
+    seed: the same arguments give the same picture.
+    materials: what the leaves are made of; by default `rgb_materials`.
+    """
+    materials = materials or rgb_materials()
+    leaves = scatter(width, height, scale, seed, materials)
+    picture: FloatArray = np.empty((height, width, len(materials.ground)), np.float32)
+    step = max(1, round(0.0025 * scale * SAMPLES))
+    for top in range(0, height, STRIP):
+        bottom = min(top + STRIP, height)
+        picture[top:bottom] = _paint(leaves, materials.ground, top, bottom, width, step)
+    return picture
+
+
+def scatter(width: int, height: int, scale: float, seed: int, materials: Materials) -> Leaves:
+    """Return leaves that cover a frame. Within each octave of radius their number follows r^-3."""
+    largest = max(LARGEST * scale, 2 * LEAST)
+    smallest = max(SMALLEST * scale, LEAST)
+    octaves = int(np.ceil(np.log2(largest / smallest)))
+    found: list[DoubleArray] = []
+    for octave in range(octaves):
+        high = largest * 0.5**octave
+        low = max(high / 2, smallest)
+        cover = COVER[min(octave, len(COVER) - 1)] * np.log2(high / low)
+        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)  # mean of radius**2 with density r^-3
+        count = int(np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL)))
+        draw = np.random.default_rng((seed, octave)).random((3, count))
+        radius = (high**-2 + draw[0] * (low**-2 - high**-2)) ** -0.5
+        found.append(np.stack([draw[1] * (width + 2 * high) - high, draw[2] * (height + 2 * high) - high, radius]))
+    draws = np.random.default_rng((seed, octaves, 0))
+    x, y, radius = draws.permutation(np.concatenate(found, axis=1), axis=1)
+    tipped = draws.random(x.size) < TIPPED
+    return Leaves(
+        x=x,
+        y=y,
+        radius=radius,
+        angle=draws.random(x.size) * 2 * np.pi,
+        breadth=np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size),
+        tipped=tipped,
+        reflectance=_reflectances(materials, x / scale, y / scale, draws),
+    )
+
+
+def _reflectances(materials: Materials, x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
+    """Return a reflectance per leaf, float32 (n, C): one material each, often that of its neighbours, as under one tree."""
+    likely = np.tile(np.log(materials.frequency), (x.size, 1))
+    for phase, across, down in draws.random((3, 3, len(materials.frequency))):
+        likely += 1.1 * np.sin(2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5)))
+    chosen = np.argmax(likely + draws.gumbel(size=likely.shape), axis=1)
+    brightness = draws.normal(0, 0.22, (x.size, 1))
+    varied = draws.normal(0, 1, (x.size, len(materials.variation))) @ materials.variation
+    varied = materials.reflectance[chosen] * np.exp(brightness + varied)
+    return np.clip(varied, 0.012, 0.8).astype(np.float32)
+
+
+def _paint(leaves: Leaves, ground: DoubleArray, top: int, bottom: int, width: int, step: int) -> FloatArray:
+    """Draw rows top..bottom of the picture, (bottom - top, width, C). step: length of a step of shadow, in samples."""
+    above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows above that cast shadows into this strip
+    upmost = _topmost(leaves, top * SAMPLES - above, bottom * SAMPLES, width * SAMPLES)
+    index = upmost[above:]
+    light = _shading(leaves, index, top)
+    for distance in range(step, SHADOW_STEPS * step + 1, step):  # the light comes from the upper left
+        right = min(round(0.75 * distance), index.shape[1] - 1)
+        rows = np.maximum(np.arange(above - distance, above - distance + len(index)), 0)
+        caster = upmost[rows, : index.shape[1] - right]
+        light[:, right:] *= np.where(caster > index[:, right:], np.float32(SHADOW), np.float32(1))
+    reflectance = np.concatenate([leaves.reflectance, ground[None].astype(np.float32)])  # index -1 is the ground
+    mean = np.zeros((bottom - top, width, len(ground)), np.float32)
+    for row in range(SAMPLES):
+        for column in range(SAMPLES):
+            mean += reflectance[index[row::SAMPLES, column::SAMPLES]] * light[row::SAMPLES, column::SAMPLES, None]
+    return mean / np.float32(SAMPLES**2)
+
+
+def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
+    """Return the index of the topmost leaf at each sample of rows first..last; -1 = no leaf."""
+    topmost = np.full((last - first, columns), -1, np.int32)
+    centre_x, centre_y = leaves.x * SAMPLES - 0.5, leaves.y * SAMPLES - 0.5
+    radius = leaves.radius * SAMPLES
+    up, down = _span(centre_y, radius, first, last)
+    left, right = _span(centre_x, radius, 0, columns)
+    cosine, sine = np.cos(leaves.angle) / radius, np.sin(leaves.angle) / radius
+    for leaf in np.flatnonzero((up < down) & (left < right)).tolist():
+        # Differences in double precision, from the frame's corner, so that outlines do not depend on the strip.
+        rows = (np.arange(up[leaf], down[leaf]) - centre_y[leaf]).astype(np.float32)[:, None]
+        across = (np.arange(left[leaf], right[leaf]) - centre_x[leaf]).astype(np.float32)[None, :]
+        c, s = np.float32(cosine[leaf]), np.float32(sine[leaf])
+        along = across * c + rows * s
+        aside = (rows * c - across * s) * np.float32(1 / leaves.breadth[leaf])
+        outline = np.abs(aside) if leaves.tipped[leaf] else aside * aside
+        outline += along * along
+        region = topmost[up[leaf] - first : down[leaf] - first, left[leaf] : right[leaf]]
+        region[outline < 1] = leaf  # leaves come from the lowest to the topmost
+    return topmost
+
+
+def _span(centre: DoubleArray, radius: DoubleArray, first: int, last: int) -> tuple[IndexArray, IndexArray]:
+    """Return each leaf's first sample along an axis and the one after its last, within first..last."""
+    start, stop = np.ceil(centre - radius), np.floor(centre + radius + 1)
+    return start.clip(first, last).astype(np.intp), stop.clip(first, last).astype(np.intp)
+
+
+def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
+    """Return the part of the light that each sample reflects, about 0.4 to 1.4: curvature, midrib and veins; 1 on the ground."""
+
+    def per_sample(values: DoubleArray) -> FloatArray:
+        return np.append(values, 0).astype(np.float32)[index]
+
+    down = ((np.arange(index.shape[0]) + top * SAMPLES + 0.5) / SAMPLES).astype(np.float32)[:, None]
+    right = ((np.arange(index.shape[1]) + 0.5) / SAMPLES).astype(np.float32)[None, :]
+    inverse = per_sample(1 / leaves.radius)
+    right, down = (right - per_sample(leaves.x)) * inverse, (down - per_sample(leaves.y)) * inverse
+    cosine, sine = per_sample(np.cos(leaves.angle)), per_sample(np.sin(leaves.angle))
+    along = right * cosine + down * sine
+    aside = (down * cosine - right * sine) * per_sample(1 / leaves.breadth)
+    away = np.abs(aside)
+    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + np.float32(0.18) * (away < 0.08 - 0.06 * np.abs(along))
+    curvature = 1 - 0.28 * (0.6 * right + 0.8 * down) - 0.18 * (along * along + aside * aside)
+    light: FloatArray = (curvature * (1 + veins * np.append(leaves.tipped, False)[index])).astype(np.float32, copy=False)
+    light[index < 0] = 1
+    return light

@@ -1,0 +1,140 @@
+"""The filters of a simulated sensor: how each is made from the channels of a scene, and what they add up to without a filter.
+
+Every filter is scaled so that it reads 1 where the scene is white. A panchromatic pixel collects the light of all channels, so it
+reads the more, the less of them the filters let through: R + G + B = 3 in white beside red, green and blue, but (C + M + Y) / 2 =
+1.5 beside cyan, magenta and yellow, which collect two channels each. The scene units of two cameras thus differ: `Filters.unit`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared import CfaPattern, NoiseModel
+from shared.arrays import DoubleArray, FloatArray
+from shared.colorimetry import Matrix, as_rows, nominal_to_xyz
+from shared.errors import InputError
+from tools.io.scene import BROADBAND, RGB, Scene
+
+from .sensor import TYPICAL_READ, TYPICAL_SHOT
+
+_DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
+_LEAST = 1e-6  # smaller weights and differences are rounding
+
+
+@dataclass(frozen=True)
+class Filters:
+    """The filters of a sensor, each a mixture of the channels of a scene. `filters_for` makes them.
+
+    channels: the letters of the filters, in the order of the pattern.
+    matrix: (C, N), from the scene's channels to the filters' readings; each row adds up to 1.
+    gamma: (C,), positive weights of Eq. 7.
+    notes: remarks for the user.
+
+    >>> import numpy as np
+    >>> scene = Scene(np.float32([[[0.2, 0.4, 0.8]]]), "leaf")
+    >>> filters = filters_for(CfaPattern.with_block(("CM", "YC"), period=6), scene)
+    >>> filters.channels, filters.gamma, filters.of(scene.rgb).round(3).tolist()
+    ('CMY', (0.5, 0.5, 0.5), [[[0.6..., 0.5, 0.3...]]])
+    """
+
+    channels: str
+    matrix: Matrix
+    gamma: tuple[float, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> float:
+        """Scene units of this sensor that are one of a sensor with red, green and blue filters, under the same light."""
+        return sum(self.gamma) / 3
+
+    @property
+    def noise(self) -> NoiseModel:
+        """The noise of `typical_noise` under the same light: its pixels hold as many electrons."""
+        planes = len(self.channels) + 1
+        return NoiseModel((TYPICAL_SHOT * self.unit,) * planes, (TYPICAL_READ * self.unit,) * planes)
+
+    def of(self, light: FloatArray) -> FloatArray:
+        """What the filters read: float32 (H, W, N) scene units -> (H, W, C). The same array if they are the scene's channels."""
+        if np.array_equal(self.matrix, np.eye(light.shape[2])):
+            return light
+        read: FloatArray = np.zeros((*light.shape[:2], len(self.matrix)), np.float32)
+        for filtered, weights in enumerate(self.matrix):
+            for channel, weight in enumerate(weights):
+                if weight:
+                    read[..., filtered] += np.float32(weight) * light[..., channel]
+        return read
+
+    def colours(self, scene: Scene) -> tuple[Matrix | None, tuple[float, ...] | None]:
+        """The scene's camera_to_xyz and neutral for these filters; the matrix is None if they do not tell three colours apart.
+
+        If the scene knows no matrix, mixtures of its red, green and blue have that of sRGB primaries, as `ColourTransform` assumes.
+        """
+        matrix, to_xyz, neutral = np.array(self.matrix), scene.camera_to_xyz, scene.neutral
+        if np.array_equal(matrix, np.eye(len(scene.channels))):
+            return to_xyz, neutral
+        seen = None if neutral is None else tuple((matrix @ neutral).tolist())
+        if to_xyz is None and not set(RGB) <= set(scene.channels):
+            return None, seen
+        # Eq. 17 gives the filters' readings; the pseudo-inverse takes them back to the scene's channels.
+        known = (nominal_to_xyz(scene.channels, neutral) if to_xyz is None else np.array(to_xyz)) @ np.linalg.pinv(matrix)
+        return (as_rows(known) if np.linalg.matrix_rank(known) == 3 else None), seen
+
+
+def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
+    """The filters of a pattern before a scene: the scene's own channels, its mixtures, and C, M and Y made from R, G and B.
+
+    Raises InputError for letters that are neither, and when no positive weights of the filters add up to what panchromatic pixels
+    see.
+    """
+    channels, there = pattern.channels, scene.channels
+    sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
+    if missing := [letter for letter in channels if letter not in sources]:
+        raise InputError(
+            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
+            + (f" (of which {_listed(others)} can be made)" if (others := [each for each in sources if each not in there]) else "")
+            + "; use a scene with these channels, or another pattern"
+        )
+    passed = np.array([sources[each] for each in channels])
+    gamma, notes = _weights(channels, passed, there)
+    if composed := [letter for letter in channels if letter not in there]:
+        colours = "channels" if set(composed) <= set(scene.mixtures) else "red, green and blue"
+        made = f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's {colours}"
+        notes = (made, *notes)
+    return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
+
+
+def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
+    """For each filter that is no channel of the scene: what it passes of the scene's channels, (N,), by letter."""
+    broadband = BROADBAND if set(RGB) <= set(scene.channels) else {}
+    passed = {letter: tuple(float(each in through) for each in scene.channels) for letter, through in broadband.items()}
+    return {letter: np.array(each) for letter, each in (passed | dict(scene.mixtures)).items() if letter not in scene.channels}
+
+
+def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:
+    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in the units of the filters.
+
+    passed: (C, N), what each filter lets through of each channel.
+    """
+    matrix = passed / passed.sum(axis=1, keepdims=True)
+    weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
+    if weights.min() < _LEAST:
+        figures = ", ".join(f"{letter} {weight:.3g}" for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True))
+        raise InputError(
+            f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs positive weights of {_listed(channels)} that "
+            f"add up to it; there are none (the nearest: {figures}), choose other filters"
+        )
+    seen = weights @ matrix
+    notes: tuple[str, ...] = ()
+    if np.abs(seen - 1).max() > _LEAST:
+        parts = " + ".join(f"{share:.3g} {letter}" for letter, share in zip(there, seen, strict=True) if share > _LEAST)
+        notes = (f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see {parts} of the scene",)
+    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
+
+
+def _listed(letters: str | list[str]) -> str:
+    """The letters as a list in a sentence.
+
+    >>> _listed("RGB")
+    'R, G and B'
+    """
+    return " and ".join(filter(None, (", ".join(letters[:-1]), letters[-1])))

@@ -1,0 +1,242 @@
+"""Load a scene: a camera RAW, a picture, or a built-in scene."""
+
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from shared import read_dng
+from shared.arrays import CodeArray
+from shared.dng.tags import MAKER, TAG
+from shared.errors import ForeignFileError, InputError
+from shared.reading import MAX_PIXELS, opened_file
+from shared.spelling import closest
+from shared.tiff_check import PLAIN, check_directories
+from tools.io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
+from tools.io.decoders import FORMATS, TIFF, PictureFormat, guarded
+from tools.io.dng_opcodes import remark_on_opcodes
+from tools.io.linear_dng import linear_dng_scene
+from tools.io.picture import gehler_shi_scene, picture_scene
+from tools.io.scene import RGB, Scene, check_size, scene_channels
+
+from .drawn.builtin import builtin_scene
+from .drawn.charts import chart_scene
+from .drawn.spectral import spectral_scene
+
+# Built-in scenes: prefix, and the function that draws them at width x height.
+_DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene, "spectral:": spectral_scene}
+# Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames that do not clip.
+_EVEN = {"flat:": 1.0, "dark:": 0.0}
+_PIECE = 16 << 20
+# What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
+_RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
+_RAWS = (
+    "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 kc2 kdc mdc mef mos mrw nef nrw "
+    "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
+)
+_RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
+ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
+"""Endings of the names of files that may be scenes: what is looked for in folders, but for what `set_aside` says."""
+TRUTH, TRUTH_PICTURE = ".truth.tif", ".truth.png"
+"""Ends of the names of the truth of a simulated shot, and of its picture to look at, behind the stem of the shot."""
+
+
+def load_scene(
+    source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB, registered: bool = True
+) -> Scene:
+    """Return the scene in a file, or a built-in scene.
+
+    source: one of
+        the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see `linear_dng_scene`),
+        the path of a TIFF, PNG, JPEG, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
+            the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
+        "builtin:WxH" (see `builtin_scene`),
+        "chart:WxH" (see `chart_scene`),
+        "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to calibrate with),
+        "spectral:WxH", "spectral:WxH@A" (eight bands, under 5000 K or another light, see `spectral_scene`).
+    linear: take the values of any picture as linear light.
+    max_pixels: larger scenes are refused.
+    channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
+        has as many; otherwise, and in all other files, the scene has red, green and blue.
+    registered: of camera RAWs, see `camera_raw_scene`.
+
+    The content decides which kind a file is, and the name's ending must agree. Raises InputError that says what was found and what
+    to do; it does not name the file.
+    """
+    if is_drawn(source):
+        return _draw(source, max_pixels, channels)
+    if meant := _misspelt(source):
+        raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
+    with text_name(Path(source)) as path:
+        return replace(_in_file(path, linear, max_pixels, channels, registered), name=Path(source).stem)
+
+
+def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
+    found, is_dng = file_kind(path)
+    if found:
+        with guarded(path):
+            picture = found.decode(path, max_pixels, channels)
+        gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
+        return gehlers or picture_scene(picture, path.stem, linear=linear)
+    with guarded(path):
+        notes = remark_on_opcodes(path) if is_dng else ()
+        linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
+    scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
+    return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
+
+
+def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
+    """Read the samples in a shot of Panchroma, in another camera's RAW or DNG, or in a grey TIFF, PNG or NPY: uint16 (H, W).
+
+    path: the file.
+    max_pixels: larger files are refused.
+    Raises InputError, which does not name the file, for any other file.
+    """
+    with text_name(path) as name:
+        try:
+            found, _ = file_kind(name)
+        except ForeignFileError:
+            return read_dng(name, max_pixels=max_pixels).codes
+        if found is None:
+            return camera_raw_samples(name, max_pixels)
+        with guarded(name):
+            pixels = found.decode(name, max_pixels, RGB).pixels
+    if pixels.shape[2] != 1:
+        raise InputError("is a picture with several colours at each pixel; give the samples of the sensor, one at each pixel")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"its samples are {pixels.dtype}; those of a sensor are whole numbers of 8 or 16 bits")
+    return pixels[..., 0].astype(np.uint16)
+
+
+def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
+    """The format of a picture, by its content, None for a file that may be a camera RAW; and whether that is a DNG.
+
+    Raises ForeignFileError for a shot of Panchroma, and InputError for a file that can be neither.
+    """
+    with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
+        start = file.read(16)
+    suffix = path.suffix.lower()
+    found = next((each for each in FORMATS if re.match(each.start, start, re.DOTALL)), None)
+    is_dng = False
+    if found is TIFF:
+        is_shot, is_dng = _inspect_tiff(path)
+        if is_shot:
+            raise ForeignFileError("this is a shot, sampled by the sparse-colour sensor already, and no scene; render it")
+    elif found and suffix not in found.endings:
+        raise InputError(f"is a {found.name} picture by its content; if that is right, rename it {path.stem}{found.endings[0]}")
+    if found and suffix in found.endings and not is_dng:
+        return found, False
+    if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
+        raise InputError(NO_RAW.format("by its name and its first bytes"))
+    return None, is_dng
+
+
+def set_aside(paths: Sequence[str]) -> dict[str, str]:
+    """Return which files in one folder are no scenes of their own, and why: pictures beside a camera RAW of their name, results.
+
+    paths: files with `ENDINGS`.
+    """
+    aside = {path: "(the truth of a shot)" for path in paths if path.lower().endswith((TRUTH, TRUTH_PICTURE))}
+    alike: dict[str, list[str]] = {}
+    for path in paths:
+        alike.setdefault(Path(path).stem.lower(), []).append(path)
+    for names in alike.values():
+        if len(names) > 1:
+            raws = [path for path in names if path.lower().endswith(_RAW_ENDINGS)]
+            shots = [path for path in raws if _is_shot(path)]
+            aside |= dict.fromkeys(shots, "(a shot of Panchroma, no scene)")
+            if len(raws) > len(shots):
+                aside |= {path: "beside a camera RAW of the same name" for path in names if path not in raws}
+    return aside
+
+
+def _is_shot(path: str) -> bool:
+    try:
+        file_kind(Path(path))
+    except InputError as error:
+        return isinstance(error, ForeignFileError)
+    return False
+
+
+def is_drawn(source: str) -> bool:
+    """Return whether a SCENE is a built-in scene, not a file."""
+    return source.startswith((*_DRAWN, *_EVEN))
+
+
+def _misspelt(source: str) -> str:
+    """The drawn scene that a user probably meant by a name of no scene and no file: "bultin:600x400", "600x400"; "" if none."""
+    kind, _, size = source.rpartition(":")
+    if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
+        return ""
+    kinds = [name.removesuffix(":") for name in (*_DRAWN, *_EVEN)]
+    close = closest(kind, kinds) if kind else kinds[0]
+    return f"{close}:{size}" if close else ""
+
+
+def _draw(source: str, max_pixels: int, channels: str) -> Scene:
+    kind = source[: source.index(":") + 1]
+    size = re.fullmatch(r"(\d{1,6})x(\d{1,6})(?:@(\w+))?", source.removeprefix(kind))
+    if not size or (size[3] and kind != "spectral:"):
+        raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
+    width, height = int(size[1]), int(size[2])
+    check_size(width, height, max_pixels=max_pixels)
+    if kind in _DRAWN:
+        return _DRAWN[kind](width, height, *filter(None, (size[3],)))
+    wanted = scene_channels(channels)
+    there = RGB if set(wanted) <= set(RGB) else wanted
+    light = np.full((height, width, len(there)), _EVEN[kind], np.float32)
+    return Scene(light, f"{kind[:-1]}-{width}x{height}", channels=there)
+
+
+@contextmanager
+def text_name(path: Path) -> Iterator[Path]:
+    """In the `with` block, a name of the file that is text: LibRaw and OpenEXR take no other names. It is a link if need be.
+
+    Text has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8.
+    """
+    if str(path) == str(path).encode(errors="ignore").decode():
+        yield path
+        return
+    try:
+        with TemporaryDirectory() as folder:
+            link = Path(folder, "scene" + path.suffix.encode("ascii", "ignore").decode())
+            link.symlink_to(path.absolute())
+            yield link
+    except OSError as error:
+        raise InputError(f"its name is no text, and a link to it cannot be made ({error.strerror or error}); rename it") from None
+
+
+def _inspect_tiff(path: Path) -> tuple[bool, bool]:
+    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a DNG.
+
+    LibRaw must not get our shots: it treats a 6 x 6 pattern as X-Trans and other periods as four colours, and decodes them wrongly
+    without an error. Their private data may be in the directory of the preview or of the samples.
+    """
+    import tifffile
+
+    try:
+        with path.open("rb") as stream:
+            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, TAG["DNGPrivateData"]})
+        with tifffile.TiffFile(path, **PLAIN) as file:
+            first: Any = file.pages[0]
+            directories = [first, *(first.pages or ())]
+            private = [directory.tags.get(TAG["DNGPrivateData"]) for directory in directories]
+            is_shot = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
+            return is_shot, TAG["DNGVersion"] in first.tags
+    except Exception:  # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
+        return _mentions(path, MAKER.encode()), False
+
+
+def _mentions(path: Path, word: bytes) -> bool:
+    """Return whether a file contains a word near its beginning or end, where directories and their data are."""
+    with path.open("rb") as file:
+        start = file.read(_PIECE)
+        file.seek(max(0, path.stat().st_size - _PIECE))
+        return word in start or word in file.read(_PIECE)

@@ -1,0 +1,174 @@
+"""The simulated camera: from a scene to its shot, and to the truth that a picture of the shot is compared with.
+
+The built-in sensor, and what it looks at, are to try capture and viewfinder without a camera.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from tools.io.decoders import Decoded, decode_array
+from tools.io.picture import picture_scene
+from tools.io.scene import Scene
+from tools.simulation.drawn.builtin import builtin_scene
+from tools.simulation.load import load_scene
+
+from .burst import SimulatedFrame
+from .filters import Filters, filters_for
+from .lens import NO_LENS, Lens
+from .protocols import Protocol, SensorProtocol
+from .protocols.protocol import SensorLight, dimmed
+from .sensor import simulate_sensor, typical_noise
+
+BITS = 12
+"""Bits of a sample, unless others are asked for."""
+FULL_EXPOSURE = SensorProtocol(1.0)
+_SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
+_SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Exposed:
+    """What a simulated camera recorded of a scene.
+
+    mosaic: the shot.
+    seen: what its filters would read at every pixel under full light, without lens and noise, float32 (H, W, C), scene units.
+    white: what the scene's white reads in the shot, scene units: amount of light times exposure. It is the peak of every measure of
+        a picture of this shot, so that figures fall with the light.
+    notes: remarks for the user on the scene and on the filters.
+    """
+
+    mosaic: Mosaic
+    seen: FloatArray
+    white: float
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def truth(self) -> FloatArray:
+        """What the shot sees, in the units of a render of it, float32 (H, W, C); nothing is clipped."""
+        return dimmed(self.seen, self.white)
+
+
+@dataclass(frozen=True)
+class SimulatedCamera:
+    """A camera that photographs scenes.
+
+    pattern: its filters.
+    sensor: its calibration; gamma, noise and colours are replaced where they are not known, see `before`.
+    measured: whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
+    protocol: the noise, and the amount of light.
+    lens: how it shades.
+    """
+
+    pattern: CfaPattern
+    sensor: SensorCalibration
+    measured: bool = False
+    protocol: Protocol = FULL_EXPOSURE
+    lens: Lens = NO_LENS
+
+    @classmethod
+    def of(
+        cls,
+        pattern: CfaPattern,
+        known: Camera | None = None,
+        protocol: Protocol = FULL_EXPOSURE,
+        *,
+        bits: int | None = None,
+        lens: Lens = NO_LENS,
+    ) -> "SimulatedCamera":
+        """The camera in a camera file, or else one with the channels of the pattern.
+
+        bits: of a sample; None = those of the file, or 12.
+        pattern, protocol, lens: see above.
+        Raises InputError for any other number of bits.
+        """
+        sensor = known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
+        if known is None or bits is not None:
+            # A sensor clips at white, so nothing lies above it.
+            levels = SensorCalibration.of_bits(BITS if bits is None else bits, headroom=protocol.headroom, channels=sensor.channels)
+            sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
+        return cls(pattern, sensor, known is not None, protocol, lens)
+
+    def before(self, scene: Scene, filters: Filters) -> SensorCalibration:
+        """The calibration for a scene: colours that it does not know follow from the scene and the filters."""
+        known = self.sensor if self.measured else replace(self.sensor, gamma=filters.gamma, noise=filters.noise)
+        to_xyz, neutral = filters.colours(scene)
+        if known.neutral is None:
+            known = replace(known, neutral=neutral, neutral_estimated=scene.neutral_estimated)
+        return replace(known, camera_to_xyz=known.camera_to_xyz or to_xyz)
+
+    def shoot(self, scene: Scene, rng: np.random.Generator, frame: SimulatedFrame | None = None) -> Exposed:
+        """Photograph a scene.
+
+        rng: source of the noise.
+        frame: the frame of a burst of the scene that is taken: its light, exposure and capture data; None = the scene itself.
+        Raises InputError when the scene has not the channels of the pattern.
+        """
+        frame = frame or SimulatedFrame(scene.rgb)
+        filters = filters_for(self.pattern, scene)
+        seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
+        calibration = self.lens.calibrated(self.before(scene, filters), (seen.shape[0], seen.shape[1]))
+        metadata = frame.metadata(scene.metadata)
+        mosaic = self.protocol.expose(SensorLight(seen, white, self.pattern, calibration, metadata), rng)
+        return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
+
+
+def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
+    """Calibration of the sensor in a camera file, or of one with this pattern. Raises InputError when its filters are unknown."""
+    scene = builtin_scene(1, 1)
+    calibration = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
+    return calibration if calibration.noise else replace(calibration, noise=typical_noise(calibration))
+
+
+def usual_gamma(pattern: CfaPattern) -> tuple[float, ...]:
+    """Gamma of filters that are mixtures of red, green and blue; otherwise 1 for each channel."""
+    try:
+        return filters_for(pattern, builtin_scene(1, 1)).gamma
+    except InputError:
+        return (1.0,) * len(pattern.channels)
+
+
+def moving_scene(pattern: CfaPattern, calibration: SensorCalibration, shape: tuple[int, int], turn: int) -> Iterator[Mosaic]:
+    """Endless frames, (H, W) = shape, of the built-in scene, over which the sensor circles once in `turn` frames; with noise."""
+    height, width = shape
+    swing = max(min(shape) // _SWING, 2)
+    scene = builtin_scene(width + 2 * swing, height + 2 * swing)
+    light = filters_for(pattern, scene).of(scene.rgb)
+    rng = np.random.default_rng(_SEED)
+    for number in count():
+        angle = 2 * math.pi * number / turn
+        top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
+        yield simulate_sensor(light[top : top + height, left : left + width], pattern, calibration, 1.0, rng)
+
+
+def scene_in_file(name: str, wanted: str, *, linear: bool, max_pixels: int) -> Scene:
+    """The scene in a file, or a drawn one, for a pattern with the channels `wanted`. Raises InputError that names it."""
+    try:
+        return load_scene(name, linear=linear, max_pixels=max_pixels, channels=wanted)
+    except InputError as error:
+        raise type(error)(f"{name}: {error}") from None
+
+
+def scene_in_array(array: NDArray[Any], wanted: str, channels: str | None, *, linear: bool) -> Scene:
+    """The scene in an array (H, W, C) with these channels; None = those that fit a pattern with the channels `wanted`.
+
+    Raises InputError for what `decode_array` and `picture_scene` refuse.
+    """
+    peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
+    decoded = decode_array(array, wanted) if channels is None else Decoded(array, peak, channels=channels)
+    return picture_scene(decoded, "array", linear=linear)
+
+
+def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureMetadata) -> Scene:
+    """The scene in linear light (H, W, C), in the colours of a calibration; negative light, which is noise, becomes 0."""
+    light = np.maximum(rgb, 0)
+    return Scene(light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels)
