@@ -184,7 +184,7 @@ def _seen(copy: _Copy, motion: Motion) -> _Seen:
     lit = inside & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
     light = np.where(inside, light / np.float32(gain), copy.reference)
-    differs = smoothed(np.square(light - copy.reference), _WIDE)
+    differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)  # not another light on the scene
     usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(differs)
     return _Seen(light, gain, inside, inside & (differs < usual))
 
@@ -218,14 +218,14 @@ def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
 def _fit(copy: _Copy, motion: Motion) -> _Fit:
     """Measure how well a motion fits."""
     seen = _seen(copy, motion)
-    rest, count = seen.light - copy.reference, max(int(seen.same.sum()), 1)
+    rest, count = _texture(seen.light - copy.reference), max(int(seen.same.sum()), 1)
     gradients = np.stack([slope[seen.same] for slope in np.gradient(copy.reference)]).astype(np.float64)
     left = float(np.square(rest[seen.same]).sum()) / count + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    texture, differs = (float(np.square(_texture(plane))[seen.inside].mean()) for plane in (copy.reference, rest))
+    texture, differs = (float(np.square(plane[seen.inside]).mean()) for plane in (_texture(copy.reference), rest))
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
     return _Fit(motion, seen.gain, error, max(1 - differs / texture, 0))
 

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from offline import BEST, render
 from offline.measured import BlockSamples, Measured
 from offline.parts import Part, applied
 from offline.stages.correction import Missed
-from offline.stages.pinning import HALO, Pinned, Pinning, SiteRatios, pin_samples
+from offline.stages.pinning import Pinning
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import sampled, shot
@@ -133,30 +131,3 @@ def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
     assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6
-
-
-def test_fields_are_the_minimum_of_the_sum_of_squares() -> None:
-    """Of the docstring's, solved directly; a frame that is one tile."""
-    (height, width), (smoothness, fading, edge) = shape, prior = (HALO + 5, 30), (0.1, 1e-3, 0.3)
-    random = np.random.default_rng(0)
-    luminance, ratios = random.uniform(0.1, 1, shape), random.uniform(0.2, 0.5, shape)
-    channels, weights = random.integers(0, 4, shape), random.uniform(0, 1, shape)
-    base = random.uniform(0.2, 0.5, (*shape, 3))
-    place, laplacian = np.arange(height * width).reshape(shape), sparse.csr_array((height * width, height * width))
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = np.s_[: height - down, max(-right, 0) : width - max(right, 0)]
-        there = np.s_[down:, max(right, 0) : width + min(right, 0)]
-        tie = (smoothness / (1 + down * abs(right)) / (1 + ((luminance[here] - luminance[there]) / edge) ** 2)).ravel()
-        index = np.arange(tie.size)
-        ends = [sparse.csr_array((np.ones(tie.size), (index, place[end].ravel())), (tie.size, place.size)) for end in (here, there)]
-        difference = ends[0] - ends[1]
-        laplacian = laplacian + difference.T @ sparse.diags_array(tie) @ difference
-    result = Pinned(np.empty((*shape, 3), np.float32), np.empty(1), np.empty(1, np.intp))
-    planes = (plane.astype(np.float32) for plane in (luminance, base, ratios, weights))
-    light, start, *sites = planes
-    pin_samples(light, start, SiteRatios(channels.astype(np.uint8), *sites), (0, height), prior, result)
-    for channel in range(3):
-        weight = np.where(channels == channel, weights, 0).ravel()
-        right_side = weight * (ratios - base[..., channel]).ravel()
-        exact = spsolve((laplacian + sparse.diags_array(weight + fading)).tocsc(), right_side).reshape(shape)
-        assert np.abs(result.chromaticity[..., channel] - base[..., channel] - exact).max() < 1e-3 * np.abs(exact).max()
