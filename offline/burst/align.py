@@ -32,6 +32,7 @@ _LARGEST, _SMALLEST = 1_500_000, 12  # pixels: larger planes are compared at hal
 _COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
 _WIDE = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
+_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)  # of the variance of noise, in texture
 _MOVED, _USUAL = 0.3, 4.0  # squared differences that show that something moves: a share of texture, and times their median
 _ROUNDS = 3  # on each copy, each without what the one before has seen moving
 _UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-6  # iterations and change of the coefficient that end ECC
@@ -155,7 +156,7 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     first, scale = 2 if planes[0].size > _LARGEST else 1, 1
     while True:
         if scale >= first:
-            yield _Copy(scale, *(smoothed(plane, _BLUR) for plane in planes), variance / (_SPREAD * scale**2))
+            yield _Copy(scale, *(smoothed(plane, _BLUR) for plane in planes), _KEPT * variance / (_SPREAD * scale**2))
         height, width = planes[0].shape
         if scale >= first and (max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST):
             return
@@ -220,7 +221,7 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     seen = _seen(copy, motion)
     rest, count = _texture(seen.light - copy.reference), max(int(seen.same.sum()), 1)
     gradients = np.stack([slope[seen.same] for slope in np.gradient(copy.reference)]).astype(np.float64)
-    left = float(np.square(rest[seen.same]).sum()) / count + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
+    left = float(np.square(rest[seen.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)

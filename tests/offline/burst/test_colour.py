@@ -78,7 +78,7 @@ def test_without_samples_near_a_pixel_its_correction_fades() -> None:
     samples = samples_of(truth, luminance, 4000)
     upper = replace(samples, weight=(samples.places[:, 0] < 20).astype(np.float32))
     change = np.abs(spread(upper, luminance, before) - before).max(axis=(1, 2))
-    assert change[10] > 20 * change[60] > 20 * change[90]
+    assert change[10] > 20 * change[60] >= 20 * change[90]
 
 
 @pytest.mark.parametrize("count", [0, 500])
