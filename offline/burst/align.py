@@ -28,14 +28,14 @@ TINY = 1e-12
 _BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
 _SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
 _STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
-_LARGEST, _SMALLEST = 1_500_000, 12  # pixels: larger planes are compared at half their size; shorter side of a frame
+_LARGEST, _SMALLEST = 1_500_000, 12  # pixels: larger planes are halved until they are smaller; shorter side of a frame
 _COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
 _WIDE = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
 _KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)  # of the variance of noise, in texture
 _MOVED, _USUAL = 0.3, 4.0  # squared differences that show that something moves: a share of texture, and times their median
-_ROUNDS = 3  # on each copy, each without what the one before has seen moving
-_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-6  # iterations and change of the coefficient that end ECC
+_ROUNDS = 2  # on each copy, each without what the one before has seen moving
+_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
@@ -153,12 +153,12 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     planes = [np.minimum(reference.luminance, limit), np.minimum(frame.luminance / np.float32(gain), limit)]
     level = float(planes[0].mean())
     variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
-    first, scale = 2 if planes[0].size > _LARGEST else 1, 1
+    scale = 1
     while True:
-        if scale >= first:
+        if planes[0].size <= _LARGEST:
             yield _Copy(scale, *(smoothed(plane, _BLUR) for plane in planes), _KEPT * variance / (_SPREAD * scale**2))
         height, width = planes[0].shape
-        if scale >= first and (max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST):
+        if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
             return
         even = height // 2 * 2, width // 2 * 2
         planes = [cv2.resize(plane[: even[0], : even[1]], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for plane in planes]
@@ -248,12 +248,17 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
         flow = np.moveaxis(optical.calc(first, second, None), 2, 0)[::-1]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
-        total, *sums = (smoothed(plane, _TILE / 2)[nodes] for plane in (counts, *(counts * flow)))
+        total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
         moved.append(_seen(copy, replace(motion, local=local)).light)
     before, after = (np.square(light - copy.reference) * inside for light in (moved[0], moved[-1]))
     worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
-    share = smoothed(before - after, _TILE)[nodes] / smoothed(worth, _TILE)[nodes]
+    share = _around(before - after, 2 * _TILE)[nodes] / _around(worth, 2 * _TILE)[nodes]
     if np.median(share) < (_LOST + _WON) / 2:
         return None
     return local * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None].astype(np.float32)
+
+
+def _around(plane: FloatArray, reach: int) -> FloatArray:
+    """Means of the square around each pixel."""
+    return cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1))
