@@ -38,6 +38,7 @@ _ROUNDS = 2  # on each copy, each without what the one before has seen moving
 _UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
+_RIGID = 0.99  # agreement from which on no local shifts are looked for
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 _NOTABLE = 0.15  # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -102,7 +103,8 @@ def align(reference: View, frame: View) -> Alignment | str:
     scale = copies[-1].scale
     if found is None or not found.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
-    if (local := _local_shifts(copies[-1], found.motion)) is not None:
+    local = _local_shifts(copies[-1], found.motion) if found.agreement < _RIGID else None
+    if local is not None:
         found = max(found, _fit(copies[-1], replace(found.motion, local=local)), key=lambda fit: fit.agreement)
     if found.agreement < _LEAST_AGREEMENT:
         share = f"{100 * found.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
