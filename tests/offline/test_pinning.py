@@ -1,8 +1,6 @@
 """Colour pinned at scattered sites: what it is wherever the picture is cut, and what it is for."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,37 +49,6 @@ def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height:
     found = [piece.chromaticity for piece in applied(pieces, Pinning(measured, measured.samples), 333)]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - part.chromaticity).max() > 0.1
-
-
-def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
-    mosaic = shot(KODAK, (301, 290), 0.02)
-    whole = render(mosaic).rgb
-    for _ in each_thread_count:
-        assert np.array_equal(render(mosaic).rgb, whole)
-
-
-def test_what_is_known_by_tile_lies_in_the_middle_of_each_tile() -> None:
-    """A ramp of chromaticity, and one of the share at which sites are trusted, are where they were."""
-    mosaic = shot(KODAK, (120, 132))
-    part, measured = pictured(mosaic)
-    samples = measured.samples
-    grid, inside = measured.grid, np.s_[30:-30, 30:-30]
-    middle = (grid.period - 1) / 2
-    rows, columns = np.indices(mosaic.shape)
-
-    def of_tiles(rows: Any, columns: Any) -> FloatArray:
-        return (0.1 + 0.003 * (np.asarray(rows)[:, None] + middle) + 0.002 * (np.asarray(columns) + middle)).astype(np.float32)
-
-    ramp = 0.1 + 0.003 * rows + 0.002 * columns
-    everywhere = np.ones((len(grid.whole_rows), len(grid.whole_columns)), np.float32)
-    measured.blocks[:] = of_tiles(grid.rows, grid.columns)[..., None]
-    tiles = samples.within(part)
-    found = Pinning(measured, samples)._base(part, everywhere, tiles)
-    assert np.abs(found - ramp[..., None])[inside].max() < 1e-4
-    measured.blocks[:] = 1
-    found = Pinning(measured, samples)._base(part, of_tiles(grid.whole_rows, grid.whole_columns), tiles)
-    expected = part.chromaticity + ramp[..., None] * (1 - part.chromaticity)
-    assert np.abs(found - expected)[inside].max() < 1e-4
 
 
 @pytest.mark.parametrize("letters", TILES)
