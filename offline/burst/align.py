@@ -158,7 +158,8 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     scale = 1
     while True:
         if planes[0].size <= _LARGEST:
-            yield _Copy(scale, *(smoothed(plane, _BLUR) for plane in planes), _KEPT * variance / (_SPREAD * scale**2))
+            own, other = (smoothed(plane, _BLUR) for plane in planes)
+            yield _Copy(scale, own, other, _KEPT * variance / (_SPREAD * scale**2))
         height, width = planes[0].shape
         if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
             return
@@ -222,7 +223,7 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     """Measure how well a motion fits."""
     seen = _seen(copy, motion)
     rest, count = _texture(seen.light - copy.reference), max(int(seen.same.sum()), 1)
-    gradients = np.stack([slope[seen.same] for slope in np.gradient(copy.reference)]).astype(np.float64)
+    gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, seen.same]
     left = float(np.square(rest[seen.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
@@ -248,7 +249,7 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     for _ in range(_FLOWS):
         codes = [(plane - dark) * (255 / max(bright - dark, TINY)) for plane in (copy.reference, moved[-1])]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
-        flow = np.moveaxis(optical.calc(first, second, None), 2, 0)[::-1]
+        flow = np.moveaxis(optical.calc(first, second, np.zeros((*shape, 2), np.float32)), 2, 0)[::-1]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
@@ -263,4 +264,4 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
 
 def _around(plane: FloatArray, reach: int) -> FloatArray:
     """Means of the square around each pixel."""
-    return cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1)), np.float32)
