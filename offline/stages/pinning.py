@@ -35,7 +35,6 @@ _TINY = 1e-6  # scene units: the least difference that is an edge
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted (0.1)
 _CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too (0.0)
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
-_BYTES, _CHANNEL = 29.0, 12.0  # of memory, per pixel of the rows that are held, and per channel of them: measured
 _LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
 HALO = 16
 """Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
@@ -71,10 +70,6 @@ class Pinning(RowStage):
         """Dependence of a pixel: its neighbours, and the tiles around those."""
         period = self.measured.pattern.period
         return Look(HALO + site_reach(period) + _TAPS * period, TILE)
-
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return (_BYTES + _CHANNEL * channels) * pixels
 
     @cached_property
     def _edge(self) -> float:

@@ -1,13 +1,12 @@
 """The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is told by the evaluation."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from offline import BEST, network_name, render, rendering_memory
+from offline import BEST, memory, network_name, render, rendering_memory
 from offline.measured import BlockSamples, ColourLines
 from offline.parts import Part
 from offline.stages import colour_network as module
@@ -239,7 +238,7 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
 def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     damaged = tmp_path / "rggb-k6.onnx"
     damaged.write_bytes(b"nothing")
-    monkeypatch.setattr(sys.modules["offline.render"], "network_for", lambda _: damaged)  # `offline.render` is the function
+    monkeypatch.setattr(memory, "network_for", lambda _: damaged)
     mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     assert rendering_memory(mosaic, BEST) > rendering_memory(mosaic, WITHOUT) + 90e6
 
