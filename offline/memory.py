@@ -1,9 +1,8 @@
 """How much memory the stages need, so that a program can refuse a frame before it starts."""
 
 from shared.mosaic import Mosaic
+from shared.networks import network_for
 
-from .measured import Measured
-from .render import row_stages
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
@@ -11,6 +10,10 @@ from .tiling import bands
 _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, what replaces them, and where light is lost
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
 _SITE = 10.0  # per colour site, kept until the picture is finished: samples and what is known of them
+# Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in rows, by what is used of them:
+# the paper's, the corrections at the sites, pinning, and the network for colour with the rows around that it sees.
+_PAPER, _SITES, _PINNING, _LEARNED = 34.0, 14.0, 36.0, 37.0
+_NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work
 
 # Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame (luminance, agreement, colour samples)
 # and besides (what compares one frame with the reference).
@@ -28,14 +31,18 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     >>> 30e6 < rendering_memory(mosaic) < 300e6
     True
     """
-    measured, (height, width) = Measured.outline(mosaic), mosaic.shape
-    sites = len(mosaic.pattern.sites) * height * width / mosaic.pattern.period**2
-    highest = max(end - first for first, end in bands(measured.grid))
-    held = 0.0
-    for number, stage in enumerate(row_stages(measured, settings)):
-        rows = highest + (2 * stage.look.reach + stage.look.step if number else 0)  # bands fit the first stage
-        held += stage.memory(min(rows, height) * width, len(mosaic.pattern.channels))
-    return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + held))
+    (height, width), pattern = mosaic.shape, mosaic.pattern
+    sites = len(pattern.sites) * height * width / pattern.period**2
+    learned = settings.learned.used and network_for(pattern) is not None
+    held = (
+        _PAPER
+        + _SITES * settings.correction.used
+        + _PINNING * (pattern.is_scattered and settings.pinning.used)
+        + _LEARNED * learned
+    )
+    band = max(end - first for first, end in bands(pattern.grid(mosaic.shape)))
+    stages = held * (1 + len(pattern.channels)) * min(band, height) * width + _NETWORK * learned
+    return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + stages))
 
 
 def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:

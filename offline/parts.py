@@ -104,10 +104,6 @@ class RowStage(Protocol):
         """How much of the picture it needs to see."""
         return Look()
 
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes that it needs, beyond the picture itself, while it holds this many pixels."""
-        return 0.0
-
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """The picture in these rows, first and end. part: `look.reach` rows more on both sides, as far as the frame goes."""
         ...

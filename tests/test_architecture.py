@@ -32,9 +32,9 @@ LAYER_OF = {name: height for height, layer in enumerate(LAYERS) for name in laye
 DATA = {"centre"}  # words in backquotes that are no arguments: of the file on motions
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools
 FORWARD = ("tools.simulation.sensor", "tools.io.display", "tools.io.colour")  # but for what makes and shows their pictures
-# A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
+# A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides, bursts OpenCV.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
-THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
+THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite", "cv2"}}
 # Packages that only these modules, and what is below them, may import.
 ONLY_IN = {
     "onnx": ("tools.training",),

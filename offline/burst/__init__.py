@@ -21,10 +21,10 @@ from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages, settled
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
-from .align import Alignment, View, align, in_frame, in_reference
+from .align import Alignment, View, align
 from .colour import ColourSamples, Spreading, alone_of, relit_sites
 from .merge import denoised, merged_luminance, unseen
-from .motion import Motion
+from .motion import Motion, in_frame, in_reference
 from .select import Comparison, Judged, compared, copies
 
 __all__ = [

@@ -22,8 +22,8 @@ from shared.mosaic import Mosaic
 
 from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
-from .align import DEVIATIONS, TINY, View, displaced, in_frame, in_reference
-from .motion import Motion
+from .align import DEVIATIONS, TINY, View
+from .motion import Motion, displaced, in_frame, in_reference
 
 CLIPPED = 0.98
 """Share of the sensor's limit from which on light counts as clipped. Chosen."""

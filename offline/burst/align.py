@@ -1,26 +1,23 @@
-"""Motion of a frame of a hand-held series against the reference: found from both, and applied to points and planes.
+"""Motion of a frame of a hand-held series against the reference, found from both, with OpenCV.
 
-Coarse to fine: phase correlation finds the shift of small copies of both planes (Kuglin and Hines 1975). On each larger copy, every
-tile then says how far its true place is from where the motion so far puts it (Lucas and Kanade 1981), and how certain that is. The
-shift and rotation in which most tiles agree correct the motion, so that moving things do not pull it. Where neighbouring tiles
-agree on something else (parallax), the motion gets local shifts.
+Normalised correlation of small copies finds the shift. On each larger copy the enhanced correlation coefficient (ECC: Evangelidis
+and Psarakis 2008) finds shift and rotation to a small part of a pixel. Where the frames differ by much of their texture, something
+moves, and does not count. Where most of the picture lies elsewhere still (parallax), dense optical flow (DIS: Kroeger et al. 2016)
+gives local shifts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray
+from shared.arrays import BoolArray, FloatArray
 from shared.calibration import NoiseModel
-from shared.errors import InputError
 
-from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
-from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
-from ..numerics.interpolation import interpolated
-from .motion import Motion
+from .motion import Motion, displaced
 
 DEVIATIONS = 3.0
 """Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it costs 0.2 dB."""
@@ -31,21 +28,24 @@ TINY = 1e-12
 _BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
 _SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
 _STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
-_LARGEST, _SMALLEST = 1_500_000, 24  # pixels: larger planes are compared at half their size; shorter side of the smallest copy
-_CORRELATED, _PEAKS, _APART = 128, 3, 3  # pixels: longer side of correlated copies; shifts that are tried, pixels between them
+_LARGEST, _SMALLEST = 1_500_000, 12  # pixels: larger planes are halved until they are smaller; shorter side of a frame
+_COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = 32, 16  # pixels of the largest copy, and of smaller ones
-_FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
-_FAR, _FITS = 9.0, 12  # squared deviations, of their variance, from which on a tile counts clearly less; rounds that find them
-_STEPS, _STILL = 8, 1e-2  # corrections on each copy at most, until one is smaller, pixels of the copy
-_LOCAL_STEPS = 2  # measurements of local shifts on each of the two largest copies
-_NEAR, _WINDOW = 0.7, 2.0  # nodes: standard deviations of neighbourhoods that share local shifts, and in which these are judged
-_VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
-_LOST, _WON = 0.4, 0.7  # share of squared deviations that local shifts must explain to be taken at all, and in full
-_LEAST = 0.2  # that share of all
+_WIDE = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
+_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)  # of the variance of noise, in texture
+_MOVED, _USUAL = 0.3, 4.0  # squared differences that show that something moves: a share of texture, and times their median
+_ROUNDS = 2  # on each copy, each without what the one before has seen moving
+_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
+_ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
+_TILE = 32  # pixels between nodes of local shifts
+_RIGID = 0.99  # agreement from which on no local shifts are looked for
+_FLOWS = 2  # measurements of local shifts: each adds what the one before has left
+_FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
+_NOTABLE = 0.15  # pixels: local shifts that are worth it explain the differences that such a shift makes,
+_NOISY = 0.1  # and this share of the differences that they leave
+_LOST, _WON = 0.4, 0.7  # share of that which they must explain to be taken at all, and in full
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
 _MOST_ERROR = 0.5  # pixels
-_ROUNDS = 5  # that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the error by 10 or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,120 +66,13 @@ class View:
         return self.noise.variance(np.asarray(light)) if self.noise else np.zeros_like(light)
 
 
-class Motions(NamedTuple):
-    """Motions of F frames for kernels, see `Motion`.
-
-    turns: (F, 2, 2). starts: (F, 2). shifts: (F, node rows, node columns, 2), 1 x 1 nodes if there are none. spacing: nodes per
-    pixel, down and across.
-    """
-
-    turns: Doubles3
-    starts: Doubles2
-    shifts: Floats4
-    spacing: tuple[float, float]
-
-    @classmethod
-    def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
-        """Motions of frames of this shape, whose local shifts have the same nodes."""
-        turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-        nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-        shifts = np.array([np.zeros(nodes) if motion.local is None else motion.local for motion in motions], np.float32)
-        spacing = [(count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)]
-        return cls(np.array(turns), np.array(starts), shifts, (spacing[0], spacing[1]))
-
-
-@kernel
-def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
-    """Place in a frame of the point (y, x) of the reference."""
-    turn, start, local = motions.turns[frame], motions.starts[frame], _local_shift(motions, frame, y, x)
-    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[1, 1] * x + start[1] + local[1]
-
-
-@kernel
-def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
-    """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift), iterated."""
-    turn, down, across = motions.turns[frame], y - motions.starts[frame, 0], x - motions.starts[frame, 1]
-    place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
-    for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
-        local = _local_shift(motions, frame, place[0], place[1])
-        v, u = down - local[0], across - local[1]
-        place = turn[0, 0] * v + turn[1, 0] * u, turn[0, 1] * v + turn[1, 1] * u
-    return place
-
-
-@kernel
-def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
-    """Local shift at a point of the reference, bilinear; beyond the outermost nodes it is theirs."""
-    rows, columns = motions.shifts.shape[1], motions.shifts.shape[2]
-    if rows < 2:
-        return 0.0, 0.0
-    y, x = min(max(y * motions.spacing[0], 0.0), rows - 1.0), min(max(x * motions.spacing[1], 0.0), columns - 1.0)
-    top, left = min(int(y), rows - 2), min(int(x), columns - 2)
-    down, across = y - top, x - left
-    upper, lower = motions.shifts[frame, top], motions.shifts[frame, top + 1]
-    a, b, c, d = (1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across
-    v = a * upper[left, 0] + b * upper[left + 1, 0] + c * lower[left, 0] + d * lower[left + 1, 0]
-    u = a * upper[left, 1] + b * upper[left + 1, 1] + c * lower[left, 1] + d * lower[left + 1, 1]
-    return v, u
-
-
-@parallel_kernel()
-def map_points(pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2) -> None:
-    """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other way. motions: one."""
-    for point in range(pieces[0], pieces[1]):
-        y, x = points[point, 0], points[point, 1]
-        out[point, 0], out[point, 1] = reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
-
-
-@parallel_kernel()
-def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
-    """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees nothing. motions: one."""
-    height, width = plane.shape
-    for row in range(pieces[0], pieces[1]):
-        for column in range(width):
-            y, x = frame_place(motions, 0, float(row), float(column))
-            inside = -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5
-            out[row, column] = interpolated(plane, y, x) if inside else np.float32(np.nan)
-
-
-def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2, *points).
-
-    y, x: arrays of one shape, or that NumPy brings to one. shape: (H, W) of both frames. Points and places may lie outside.
-
-    >>> from offline.burst import Motion, in_frame
-    >>> in_frame(Motion((2.0, -1.0)), 10, 20, (101, 101)).tolist()
-    [12.0, 19.0]
-    """
-    return _mapped(motion, y, x, shape, 0)
-
-
-def in_reference(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Places in the reference of points of a frame: the inverse of `in_frame`."""
-    return _mapped(motion, y, x, shape, 1)
-
-
-def _mapped(motion: Motion, y: Any, x: Any, shape: tuple[int, ...], inverse: int) -> FloatArray:
-    points = np.stack(np.broadcast_arrays(y, x), axis=-1).astype(np.float64)
-    places = np.empty((points.size // 2, 2), np.float32)
-    map_points(Motions.of([motion], shape), points.reshape(-1, 2), inverse, places)
-    return np.moveaxis(places.reshape(points.shape), -1, 0)
-
-
-def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
-    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
-    result = np.empty(plane.shape, np.float32)
-    displace(plane, Motions.of([motion], plane.shape), result)
-    return result
-
-
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """Motion of a frame against the reference.
 
     motion: where the reference's points lie in the frame.
     gain: how many times as bright the frame is as the reference.
-    error: estimated error of the frame's shift and rotation, pixels, root mean square over the frame.
+    error: estimated error of the frame's shift, pixels, root mean square.
     agreement: 0 to 1, the share of the reference's texture that the frame shows where the motion says.
     """
 
@@ -189,249 +82,186 @@ class Alignment:
     agreement: float = 1.0
 
 
-def align(reference: View, frame: View) -> Alignment:
+def align(reference: View, frame: View) -> Alignment | str:
     """Find the motion of a frame, compared with the reference.
 
-    reference, frame: luminance of every pixel (`recover_luminance`). Clipped pixels do not count; noise decides only how much the
-        two may differ.
-
-    Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
+    reference, frame: luminance of every pixel (`recover_luminance`). Noise decides only how much the two may differ.
+    Returns why the frame cannot be aligned, if it cannot: another size, another scene, or too little texture.
     """
-    result = find_motion(reference, frame)
-    if isinstance(result, str):
-        raise InputError(result)
-    return result
-
-
-def find_motion(reference: View, frame: View) -> Alignment | str:
-    """Return what `align` returns, or why the frame cannot be aligned."""
-    shapes = reference.luminance.shape, frame.luminance.shape
-    if shapes[0] != shapes[1]:
-        sizes = ["{1} x {0}".format(*shape) for shape in shapes[::-1]]
-        return f"{sizes[0]} pixels, expected {sizes[1]} like the reference"
-    if min(shapes[0]) < _SMALLEST // 2:
-        return f"{shapes[0][1]} x {shapes[0][0]} pixels are too few to be aligned"
-    copies = list(_copies(reference, frame))[::-1]
-    small = [copy for copy in copies if max(copy.reference.shape) <= _CORRELATED] or copies[:1]
-    scale = small[-1].scale / small[0].scale
-    tried = [_refined(small, Motion(shift).times(scale)) for shift in _shifts(small[-1])]
-    best = max(tried, key=lambda fit: fit.tiles.agreement)
-    best = _refined(copies[len(small) :], best.motion.times(2)) if copies[len(small) :] else best
+    shape, other = reference.luminance.shape, frame.luminance.shape
+    if other != shape:
+        return f"{other[1]} x {other[0]} pixels, expected {shape[1]} x {shape[0]} like the reference"
+    if min(shape) < _SMALLEST:
+        return f"{shape[1]} x {shape[0]} pixels are too few to be aligned"
+    gain = _gain(reference, frame)
+    copies = list(_copies(reference, frame, gain))[::-1]
+    starts = Motion(), Motion(_shift(copies[0]))  # where a large thing moves, its shift may be the likeliest
+    tried = [fit for start in starts if (fit := _refined(copies[0], start))]
+    found = max(tried, key=lambda fit: fit.agreement, default=None)
+    for copy in copies[1:]:
+        found = found and _refined(copy, found.motion.times(2))
     scale = copies[-1].scale
-    if not best.error * scale <= _MOST_ERROR:
+    if found is None or not found.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
-    motion, agreement, local = best.motion, best.tiles.agreement, _local_shifts(copies[-2:], best.motion)
-    if local.any():
-        motion = replace(motion, local=local)
-        agreement = max(agreement, copies[-1].tiles(motion).agreement)
-    if agreement < _LEAST_AGREEMENT:
-        share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        return f"another scene, or too little texture: {share}"
-    return Alignment(motion.times(scale), best.tiles.gain, best.error * scale, agreement)
+    local = _local_shifts(copies[-1], found.motion) if found.agreement < _RIGID else None
+    if local is not None:
+        found = max(found, _fit(copies[-1], replace(found.motion, local=local)), key=lambda fit: fit.agreement)
+    if found.agreement < _LEAST_AGREEMENT:
+        share = f"{100 * found.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
+        return f"another scene, or too little texture: {share} must"
+    return Alignment(found.motion.times(scale), gain * found.gain, found.error * scale, found.agreement)
 
 
-class _Tiles(NamedTuple):
-    """A measurement of the tiles around (R, C) nodes, which lie evenly from the first pixel to the last.
+class _Copy(NamedTuple):
+    """Smaller, smooth copies of both frames, in the light of the reference.
 
-    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie, pixels of the copies.
-    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
-        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
-    gain, agreement: see `Alignment`.
-    """
-
-    shifts: DoubleArray
-    information: DoubleArray
-    gain: float
-    agreement: float
-
-
-class _Fit(NamedTuple):
-    """A motion, the last measurement of tiles, and the estimated error; pixels of the copies."""
-
-    motion: Motion
-    tiles: _Tiles
-    error: float
-
-
-class _Copies(NamedTuple):
-    """Smaller, smooth copies of both planes; NaN at the border, and where a sample is clipped.
-
-    scale: pixels of the frame per pixel. nodes: of its tiles. views: of the frames, for their noise.
+    scale: pixels of the frame per pixel. variance: of the noise of both.
     """
 
     scale: int
     reference: FloatArray
     frame: FloatArray
-    nodes: tuple[int, int]
-    views: tuple[View, View]
-
-    def tiles(self, motion: Motion) -> _Tiles:
-        """Measure how the tiles lie, compared with a motion."""
-        down, across, light, difference = range(4)
-        planes = np.stack([*np.gradient(self.reference), self.reference, displaced(self.frame, motion)])
-        finite = np.isfinite(planes).all(axis=0)
-        planes[:, ~finite] = 0
-        pixels, own, other = self.around(finite), self.around(planes[light]), self.around(planes[difference])
-        lit, number = (own > 0) & (other > 0), np.maximum(pixels, 1)
-        gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
-        planes[difference] = planes[difference] / np.float32(gain) - planes[light]
-        means = self.around(planes) / number
-        least = 1e-6 * float(np.square(planes[light]).mean()) + TINY  # differences below it are rounding
-
-        def products(one: int, other: int) -> DoubleArray:
-            return self.around(planes[one] * planes[other]) - number * means[one] * means[other]
-
-        squares = np.empty((*self.nodes, 2, 2))
-        squares[..., 0, 0], squares[..., 1, 1] = products(down, down), products(across, across)
-        squares[..., 0, 1] = squares[..., 1, 0] = products(down, across)
-        right = np.stack([products(down, difference), products(across, difference)], axis=-1)
-        shifts = -_solved(squares + least * np.eye(2), right)
-        rest = np.maximum(products(difference, difference) + (right * shifts).sum(axis=-1), 0)
-        noise = rest / np.maximum(pixels - 3, 1) + least
-        # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
-        chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(_SPREAD * pixels))
-        values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
-        information = np.maximum(values, 0) / (noise * _SPREAD)[..., None]
-        information /= 1 + _FLOOR**2 * information
-        information = (axes * information[..., None, :]) @ np.swapaxes(axes, -1, -2)
-
-        smooth = pixels / (_SPREAD * self.scale**2)
-        first, second = (smooth * view.variance(means[light] * factor) for view, factor in zip(self.views, (1, gain), strict=True))
-        texture = np.maximum(products(light, light) - first, 0)
-        differs = np.maximum(rest - first - second / gain**2, 0)
-        contrast = np.sqrt(texture / number)
-        weights = pixels * contrast / (contrast + max(float(contrast.mean()), TINY))
-        share = np.clip(1 - differs / np.maximum(texture, TINY), 0, 1)  # of the texture, beyond noise, that the frame shows too
-        return _Tiles(shifts, information, gain, float((weights * share).sum() / max(weights.sum(), TINY)))
-
-    def around(self, planes: FloatArray | BoolArray) -> DoubleArray:
-        """Sums of planes (..., H, W) over the pixels nearest to each node."""
-        sums = planes.astype(np.float32, copy=False)
-        for axis, count in zip((-2, -1), self.nodes, strict=True):
-            middles = (np.arange(count - 1) + 0.5) * ((planes.shape[axis] - 1) / (count - 1))
-            sums = np.add.reduceat(sums, np.r_[0, np.ceil(middles).astype(np.intp)], axis)
-        return sums.astype(np.float64)
+    variance: float
 
 
-def _copies(*views: View) -> Iterator[_Copies]:
-    """Smaller and smaller copies."""
-    planes = [np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) for view in views]
-    shape, scale = planes[0].shape, 1
-    first = 2 if planes[0].size > _LARGEST else 1
-    while scale <= first or min(planes[0].shape) >= _SMALLEST:
-        if scale >= first:
-            smooth = [np.pad(smoothed(plane, _BLUR)[1:-1, 1:-1], 1, constant_values=np.nan) for plane in planes]
-            tile = _TILE * first if scale == first else _COARSE_TILE * scale
-            nodes = max(round(shape[0] / tile) + 1, 2), max(round(shape[1] / tile) + 1, 2)
-            yield _Copies(scale, smooth[0], smooth[1], nodes, (views[0], views[1]))
-        planes, scale = [_halved(plane) for plane in planes], 2 * scale
+class _Seen(NamedTuple):
+    """A frame as the reference would see it: its light, what it is brighter by, and where both show the same thing, (H, W)."""
+
+    light: FloatArray
+    gain: float
+    inside: BoolArray
+    same: BoolArray
 
 
-def _halved(plane: FloatArray) -> FloatArray:
-    """Means of 2 x 2 pixels."""
-    height, width = (size // 2 * 2 for size in plane.shape)
-    rows = plane[:height:2, :width] + plane[1:height:2, :width]
-    return np.float32(0.25) * (rows[:, ::2] + rows[:, 1::2])
+class _Fit(NamedTuple):
+    """A motion in pixels of the copies, and what `Alignment` says of it."""
+
+    motion: Motion
+    gain: float
+    error: float
+    agreement: float
 
 
-def _shifts(copies: _Copies) -> Iterator[tuple[float, float]]:
-    """The most probable shifts, pixels of the copies."""
-    shape = copies.frame.shape
-    window = np.outer(*(np.hanning(size + 2)[1:-1] for size in shape))
-    planes = [np.ma.masked_invalid(plane) for plane in (copies.reference, copies.frame)]
-    spectra = [np.fft.rfft2((plane - plane.mean()).filled(0) * window) for plane in planes]
-    cross = np.conj(spectra[0]) * spectra[1]
-    cross /= np.maximum(np.abs(cross), 1e-3 * np.abs(cross).mean() + TINY)
-    y, x = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
-    surface = np.fft.irfft2(cross * np.exp(-2 * np.pi**2 * (y**2 + x**2)), shape)  # a Gaussian of one pixel
-    rows, columns = (np.rint(np.fft.fftfreq(size) * size) for size in shape)
-    surface[np.abs(rows) > _FARTHEST * shape[0]] = -np.inf
-    surface[:, np.abs(columns) > _FARTHEST * shape[1]] = -np.inf
-    yield 0.0, 0.0  # a large thing that moves may have the highest peaks
-    for _ in range(_PEAKS):
-        row, column = np.unravel_index(np.argmax(surface), shape)
-        yield float(rows[row]), float(columns[column])
-        surface[np.ix_(np.abs(rows - rows[row]) <= _APART, np.abs(columns - columns[column]) <= _APART)] = -np.inf
+def _gain(reference: View, frame: View) -> float:
+    """How many times as bright a frame is, by a quantile of the light that is clipped in neither."""
+    share = min(float((view.luminance < view.limit).mean()) for view in (reference, frame)) / 2
+    own, other = (float(np.quantile(view.luminance, share)) for view in (reference, frame))
+    return other / own if own > 0 and other > 0 else 1.0
 
 
-def _refined(levels: list[_Copies], motion: Motion) -> _Fit:
-    """The motion on the last copies from that on the first."""
-    for level in levels:
-        motion = motion if level is levels[0] else motion.times(2)
-        for _ in range(_STEPS):
-            before, fit = motion, _corrected(level, motion, level.tiles(motion))
-            motion, moved = fit.motion, np.hypot(*np.subtract(fit.motion.shift, before.shift))
-            if moved + abs(motion.angle - before.angle) * np.hypot(*level.reference.shape) / 2 < _STILL:
-                break
-    return fit
+def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
+    """Smaller and smaller copies. Light that is clipped in one is in both."""
+    limit = np.float32(min(reference.limit, frame.limit / gain))
+    planes = [np.minimum(reference.luminance, limit), np.minimum(frame.luminance / np.float32(gain), limit)]
+    level = float(planes[0].mean())
+    variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
+    scale = 1
+    while True:
+        if planes[0].size <= _LARGEST:
+            own, other = (smoothed(plane, _BLUR) for plane in planes)
+            yield _Copy(scale, own, other, _KEPT * variance / (_SPREAD * scale**2))
+        height, width = planes[0].shape
+        if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
+            return
+        even = height // 2 * 2, width // 2 * 2
+        planes = [cv2.resize(plane[: even[0], : even[1]], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for plane in planes]
+        scale *= 2
 
 
-def _corrected(level: _Copies, motion: Motion, tiles: _Tiles) -> _Fit:
-    """The motion corrected as most tiles agree."""
-    shape = level.reference.shape
-    places = (np.linspace(-(size - 1) / 2, (size - 1) / 2, count) for size, count in zip(shape, level.nodes, strict=True))
-    arm = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1) @ motion.affine(shape)[0].T
-    length = float(np.square(arm).sum(axis=-1).mean()) ** 0.5 + TINY
-    jacobian = np.zeros((*level.nodes, 2, 3))  # of down and across, by a shift and by the turn that moves tiles by a pixel
-    jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1
-    jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1] / length, arm[..., 0] / length
-    matrices = np.swapaxes(jacobian, -1, -2) @ tiles.information
-    squares, right = matrices @ jacobian, (matrices @ tiles.shifts[..., None])[..., 0]
-    weights = np.ones(level.nodes)
-    for _ in range(_FITS):
-        matrix = np.einsum("ab,abpq->pq", weights, squares) + 1e-6 * np.eye(3)  # where nothing is known: no correction
-        step = np.linalg.solve(matrix, np.einsum("ab,abp->p", weights, right))
-        far = _squared(tiles.shifts - jacobian @ step, tiles.information)
-        weights = _counts(far)
-    scatter = max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
-    error = float(np.trace(np.linalg.inv(matrix)) * scatter) ** 0.5
-    shift = motion.shift[0] + float(step[0]), motion.shift[1] + float(step[1])
-    return _Fit(Motion(shift, motion.angle + float(step[2]) / length), tiles, error)
+def _shift(copy: _Copy) -> tuple[float, float]:
+    """The likeliest shift, pixels of the copies: the middle of the reference is found in the frame."""
+    own, other = (_texture(plane) for plane in (copy.reference, copy.frame))
+    down, across = (round(_FARTHEST * size) for size in own.shape)
+    likeness = cv2.matchTemplate(other, own[down : len(own) - down, across : own.shape[1] - across], cv2.TM_CCOEFF_NORMED)
+    row, column = np.unravel_index(np.argmax(likeness), likeness.shape)
+    return float(row - down), float(column - across)
 
 
-def _local_shifts(levels: list[_Copies], motion: Motion) -> FloatArray:
-    """Local shifts of the nodes of the last copies, (R, C, 2), pixels of them: 0 where the tiles do not agree on others.
-
-    Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
-    """
-    local = np.zeros((*levels[-1].nodes, 2), np.float32)
-    for level in [level for level in levels for _ in range(_LOCAL_STEPS)]:
-        part = levels[-1].scale / level.scale
-        tiles = level.tiles(replace(motion, local=local).times(part))
-        shifts, information = tiles.shifts + part * local, tiles.information
-        weights = _counts(_squared(shifts - _shared(shifts, information), information))
-        odd = np.indices(level.nodes).sum(axis=0) % 2
-        halves = [_shared(shifts, information * (weights * half)[..., None, None]) for half in (1 - odd, odd)]
-        without, left = (weights * _squared(rest, information) for rest in (shifts, shifts - np.where(odd[..., None], *halves)))
-        freedom = np.trace(np.linalg.solve(information + np.eye(2) / _VAGUE**2, information), axis1=2, axis2=3)  # 2 at most
-        won, most = without - left, without + weights * freedom
-        share = smoothed(won, _WINDOW) / (smoothed(most, _WINDOW) + TINY) if won.sum() > _LEAST * most.sum() else np.zeros_like(won)
-        field = _shared(shifts, information * weights[..., None, None])
-        local = (field / part * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None]).astype(np.float32)
-        if not local.any():
-            break  # nor would the next measurement find any
-    return local
+def _texture(plane: FloatArray) -> FloatArray:
+    return plane - smoothed(plane, _WIDE)
 
 
-def _shared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
-    """The shifts that the tiles around each node agree on most."""
-    right = (information @ shifts[..., None])[..., 0]
-    near = np.moveaxis(smoothed(np.moveaxis(right, 2, 0), _NEAR), 0, 2)
-    total = np.moveaxis(smoothed(np.moveaxis(information, (2, 3), (0, 1)), _NEAR), (0, 1), (2, 3))
-    return _solved(total + 1e-3 * np.eye(2), near)
+def _seen(copy: _Copy, motion: Motion) -> _Seen:
+    light = displaced(copy.frame, motion)
+    inside = np.isfinite(light)
+    own, other = (smoothed(np.where(inside, plane, 0), _WIDE) for plane in (copy.reference, light))
+    lit = inside & (own > 0) & (other > 0)
+    gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
+    light = np.where(inside, light / np.float32(gain), copy.reference)
+    differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)  # not another light on the scene
+    usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(differs)
+    return _Seen(light, gain, inside, inside & (differs < usual))
 
 
-def _solved(matrices: DoubleArray, right: FloatArray | DoubleArray) -> DoubleArray:
-    """Solutions of systems of two equations, (R, C, 2, 2) and (R, C, 2)."""
-    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
+def _refined(copy: _Copy, motion: Motion) -> _Fit | None:
+    """The shift and rotation by which the copies correlate most; None = there are none."""
+    for _ in range(_ROUNDS):
+        same = _seen(copy, motion).same.astype(np.uint8)
+        start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
+        try:  # the reference is what is displaced: the mask is its
+            matrix = cv2.findTransformECC(copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1)[1]
+        except cv2.error:  # too few pixels or no texture
+            return None
+        motion = _motion(cv2.invertAffineTransform(matrix.astype(np.float64)), same.shape)
+    return _fit(copy, motion)
 
 
-def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
-    """Squared deviations in units of their variance: (R, C)."""
-    return np.einsum("abi,abij,abj->ab", shifts, information, shifts)
+def _matrix(motion: Motion, shape: tuple[int, ...]) -> FloatArray:
+    """OpenCV's matrix, (2, 3), of columns and rows."""
+    turn, start = motion.affine(shape)
+    return np.column_stack([turn[::-1, ::-1], start[::-1]]).astype(np.float32)
 
 
-def _counts(far: DoubleArray) -> DoubleArray:
-    """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
-    limit = max(_FAR, 4 * float(np.median(far)))
-    return (limit / (limit + far)) ** 2
+def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
+    """The inverse of `_matrix`."""
+    middle = (np.array(shape)[::-1] - 1) / 2
+    across, down = matrix @ (*middle, 1) - middle
+    return Motion((float(down), float(across)), float(np.arctan2(matrix[0, 1], matrix[0, 0])))
+
+
+def _fit(copy: _Copy, motion: Motion) -> _Fit:
+    """Measure how well a motion fits."""
+    seen = _seen(copy, motion)
+    rest, count = _texture(seen.light - copy.reference), max(int(seen.same.sum()), 1)
+    gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, seen.same]
+    left = float(np.square(rest[seen.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
+    certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
+    error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
+    texture, differs = (float(np.square(plane[seen.inside]).mean()) for plane in (_texture(copy.reference), rest))
+    texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
+    return _Fit(motion, seen.gain, error, max(1 - differs / texture, 0))
+
+
+def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
+    """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where the motion says."""
+    shape, inside = copy.reference.shape, np.isfinite(displaced(copy.frame, motion))
+    nodes = np.ix_(*(np.rint(np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2))).astype(np.intp) for size in shape))
+    local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)
+    steep = np.square(np.gradient(copy.reference)).sum(axis=0)
+    weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
+    dark, bright = np.quantile(copy.reference, (0.005, 0.995))
+    optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    optical.setFinestScale(0)
+    optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
+    moved = [_seen(copy, motion).light]
+    for _ in range(_FLOWS):
+        codes = [(plane - dark) * (255 / max(bright - dark, TINY)) for plane in (copy.reference, moved[-1])]
+        first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
+        flow = np.moveaxis(optical.calc(first, second, np.zeros((*shape, 2), np.float32)), 2, 0)[::-1]
+        counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
+        total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
+        local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
+        moved.append(_seen(copy, replace(motion, local=local)).light)
+    before, after = (np.square(light - copy.reference) * inside for light in (moved[0], moved[-1]))
+    worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
+    share = _around(before - after, 2 * _TILE)[nodes] / _around(worth, 2 * _TILE)[nodes]
+    if np.median(share) < (_LOST + _WON) / 2:
+        return None
+    return local * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None].astype(np.float32)
+
+
+def _around(plane: FloatArray, reach: int) -> FloatArray:
+    """Means of the square around each pixel."""
+    return np.asarray(cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1)), np.float32)

@@ -5,37 +5,29 @@ certain the nearer it is.
 
 At the end, samples correct the picture too, each at its own place. A picture differs from each sample by some error. The correction
 of the picture's colour leaves little of these errors and changes little from pixel to pixel, except across edges of luminance: it
-minimises a sum of squares, by conjugate gradients. Without samples near a pixel its correction fades to nothing. Corrections leave
-luminance as it is.
-
-Colours are weighted by gamma there: then channels have the unit of luminance, and a colour is a set of C numbers that add up to
-zero: C - 1 coefficients on an orthonormal basis.
+minimises a sum of squares (`numerics.linked`) in each channel, times gamma. Without samples near a pixel its correction fades to
+nothing. The mean of the channels' corrections is taken off them, which leaves luminance as it is.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
-from scipy.sparse import csr_array
 
 from shared.arrays import ByteArray, FloatArray, IndexArray
 from shared.progress import SILENT, Progress
 
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
-from ..numerics.arrays import Doubles1, Floats3, Frozen2, Ints1, Pair
-from ..numerics.compile import Pieces, parallel_kernel
-from ..numerics.functions import tile_at, zeros
 from ..numerics.gaussian import smoothed
-from ..numerics.linked import TILE, Prior, link, solve, tiles_of
-from ..numerics.solvers import report
+from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
 from ..parts import DARK, Look, Part, RowStage
 from .agree import FILL_ERROR, NEIGHBOURHOOD
-from .align import TINY, in_reference
+from .align import TINY
+from .motion import in_reference
 from .select import Kept
 
 # Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
@@ -43,10 +35,10 @@ _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample fo
 _INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both ways
 _ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
 _ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
-_SMOOTHNESS, _FADING = 0.15, 0.01  # half and twice: 0.8 and 0.1 dB
+# Of the solution; fading relative to the weight of a usual sample, and the least of it, with which the solver takes hundreds of
+# iterations. Chosen on five photographs, in noise of 0 to 0.03: half and twice of smoothness change 0.15 dB, of fading 0.1.
+_SMOOTHNESS, _FADING, _LEAST_FADING = 0.08, 2e-3, 1e-5
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
-# With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
-_LEAST_FADING = 1e-7
 SHARED = 0.3
 """Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is.
 
@@ -197,85 +189,31 @@ class Spreading(RowStage):
         """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
         gamma, shown, (order, down, precision) = self.measured.gamma, part.rows(*rows), self._in_rows
         near = order[np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")]
-        least = float(np.median(precision)) if precision.size else 1.0
-        prior = _SMOOTHNESS, max(_FADING * least, _LEAST_FADING), _EDGE * self.samples.level
-        basis, tiles = basis_of(len(gamma)), tiles_of(rows, part.luminance.shape[1])
-        equations = normal_equations(part, self.samples, near, precision[near], gamma, basis)
-        solution = Solution(
-            np.empty((*shown.luminance.shape, len(gamma) - 1), np.float32), np.empty(tiles), np.empty(tiles, np.intp)
-        )
-        inside = rows[0] - part.first, rows[1] - part.first
-        solve_tiles(np.ascontiguousarray(part.luminance), *equations, prior, inside, solution)
-        report(self.progress, "samples", solution.used, solution.residuals, TOLERANCE)
-        light = np.where(shown.luminance > DARK, shown.luminance, np.inf).astype(np.float32)
-        return Part(shown.first, shown.luminance, shown.chromaticity + solution.planes @ basis.T / (gamma * light[..., None]))
+        samples = samples_of(part, self.samples, near, precision[near], gamma)
+        extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
+        usual = float(np.median(precision)) if precision.size else 1.0
+        prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
+        fields = np.moveaxis(fitted(part.luminance, samples, prior, extent, "samples", self.progress), 0, 2)
+        light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
+        change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
+        return Part(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))
 
 
-def basis_of(channels: int) -> FloatArray:
-    """Orthonormal columns that add up to zero, (C, C - 1)."""
-    square = np.linalg.qr(np.column_stack([np.ones(channels), np.eye(channels)[:, 1:]]))[0]
-    return np.ascontiguousarray(square[:, 1:], np.float32)
-
-
-def normal_equations(
-    part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray, basis: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Normal equations and right-hand side of samples in a part of the picture, see `linked.solve`.
+def samples_of(part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray) -> Samples:
+    """What a part of the picture misses of samples, times gamma, shared out to the four pixels around each.
 
     near: (N,), which samples. precision: (N,), of each.
-    Each sample is shared out to the four pixels around it, by bilinear interpolation.
     """
     rows, columns = part.luminance.shape
     places = (samples.places[near] - (part.first, 0)).clip(0, (rows - 1, columns - 1))
     first = np.minimum(places.astype(np.intp), (rows - 2, columns - 2))
     (down, across), corner = (places - first).T, first @ (columns, 1)
     shares = np.stack([(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1)
-    pixels = corner[:, None] + (0, 1, columns, columns + 1)
-    spread = csr_array((shares.ravel(), pixels.ravel(), np.arange(0, shares.size + 1, 4)), (len(near), rows * columns))
-    channels = samples.channels[near]
-    colour = (spread @ part.chromaticity.reshape(rows * columns, -1))[np.arange(len(near)), channels]
+    pixels, channels = corner[:, None] + (0, 1, columns, columns + 1), samples.channels[near].astype(np.intp)
+    colour = (part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares).sum(axis=1)
     missed = gamma[channels] * (samples.values[near] - colour * samples.light[near])
-    weights, first_of, second_of = samples.weight[near] * precision, *np.triu_indices(basis.shape[1])
-    towards = basis[channels]
-    normal = spread.T @ (weights[:, None] * towards[:, first_of] * towards[:, second_of])
-    right = spread.T @ ((weights * missed)[:, None] * towards)
-    shaped = (np.ascontiguousarray(sums.T, np.float32).reshape(-1, rows, columns) for sums in (normal, right))
-    return next(shaped), next(shaped)
-
-
-class Solution(NamedTuple):
-    """A solution in tiles.
-
-    planes: (rows, W, P). residuals, used: (tiles,), relative residual and iterations of each tile, see `tiles_of`.
-    """
-
-    planes: Floats3
-    residuals: Doubles1
-    used: Ints1
-
-
-@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def solve_tiles(
-    pieces: Pieces, luminance: Frozen2, normal: Floats3, right: Floats3, prior: Prior, rows: Pair, solution: Solution
-) -> None:
-    """Solve the tiles of some rows, each with `HALO` pixels around it.
-
-    luminance: (rows, W), a part of the picture. rows: first and end row in it to solve. solution: written.
-    normal, right: (P (P + 1) / 2, rows, W) and (P, rows, W), equations of samples, see `linked.solve`.
-    prior: smoothness and fading relative to the precision of a sample, and the difference of luminance, scene units, that is an
-        edge.
-    """
-    height, width = luminance.shape
-    for number in range(pieces[0], pieces[1]):
-        top, bottom, left, end = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
-        above, before = max(rows[0] + top - HALO, 0), max(left - HALO, 0)
-        below, after = min(rows[0] + bottom + HALO, height), min(end + HALO, width)
-        links, unknowns = zeros(4, below - above, after - before), zeros(len(right), below - above, after - before)
-        link(luminance[above:below, before:after], prior, links)
-        around, towards = normal[:, above:below, before:after].copy(), right[:, above:below, before:after].copy()
-        residual, used = solve(around, towards, links, np.float32(prior[1]), TOLERANCE, unknowns)
-        solution.residuals[number], solution.used[number] = residual, used
-        for row in range(top, bottom):
-            for column in range(left, end):
-                for part in range(len(right)):
-                    solution.planes[row, column, part] = unknowns[part, rows[0] + row - above, column - before]
+    weights = (samples.weight[near] * precision)[:, None] * shares
+    shape = len(gamma), rows, columns
+    at = (channels[:, None] * (rows * columns) + pixels).ravel()
+    sums = (np.bincount(at, each.ravel(), math.prod(shape)) for each in (weights, weights * missed[:, None]))
+    return Samples(*(each.reshape(shape).astype(np.float32) for each in sums))

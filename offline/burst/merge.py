@@ -25,7 +25,7 @@ from ..numerics.interpolation import interpolated
 from ..numerics.pieces import tiles
 from ..settings import RenderSettings
 from ..stages.denoising import denoise_luminance
-from .align import Motions, displaced, frame_place, reference_place
+from .motion import Motions, displaced, frame_place, reference_place
 from .select import Kept
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it

@@ -1,12 +1,20 @@
 """Motion of one frame of a hand-held series against another: a shift, a rotation, and local shifts (parallax)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, sin
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
+
+from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
+from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.interpolation import interpolated
+
+_ROUNDS = 5  # that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the error by 10 or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +52,6 @@ class Motion:
             if len(shape) != 3 or min(shape[:2]) < 2 or shape[2] != 2 or not np.isfinite(self.local).all():
                 raise InputError(f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and finite numbers")
 
-    @property
-    def none(self) -> bool:
-        """True if nothing has moved."""
-        return self.shift == (0, 0) and self.angle == 0 and self.local is None
-
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
         local = None if self.local is None else self.local * np.float32(factor)
@@ -59,3 +62,110 @@ class Motion:
         turn = np.array([[cos(self.angle), -sin(self.angle)], [sin(self.angle), cos(self.angle)]])
         centre = (np.array(shape) - 1) / 2
         return turn, centre + self.shift - turn @ centre
+
+
+class Motions(NamedTuple):
+    """Motions of F frames for kernels, see `Motion`.
+
+    turns: (F, 2, 2). starts: (F, 2). shifts: (F, node rows, node columns, 2), 1 x 1 nodes if there are none. spacing: nodes per
+    pixel, down and across.
+    """
+
+    turns: Doubles3
+    starts: Doubles2
+    shifts: Floats4
+    spacing: tuple[float, float]
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
+        """Motions of frames of this shape, whose local shifts have the same nodes."""
+        turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
+        nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
+        shifts = np.array([np.zeros(nodes) if motion.local is None else motion.local for motion in motions], np.float32)
+        spacing = [(count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)]
+        return cls(np.array(turns), np.array(starts), shifts, (spacing[0], spacing[1]))
+
+
+@kernel
+def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Place in a frame of the point (y, x) of the reference."""
+    turn, start, local = motions.turns[frame], motions.starts[frame], _local_shift(motions, frame, y, x)
+    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[1, 1] * x + start[1] + local[1]
+
+
+@kernel
+def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift), iterated."""
+    turn, down, across = motions.turns[frame], y - motions.starts[frame, 0], x - motions.starts[frame, 1]
+    place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
+    for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
+        local = _local_shift(motions, frame, place[0], place[1])
+        v, u = down - local[0], across - local[1]
+        place = turn[0, 0] * v + turn[1, 0] * u, turn[0, 1] * v + turn[1, 1] * u
+    return place
+
+
+@kernel
+def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
+    """Local shift at a point of the reference, bilinear; beyond the outermost nodes it is theirs."""
+    rows, columns = motions.shifts.shape[1], motions.shifts.shape[2]
+    if rows < 2:
+        return 0.0, 0.0
+    y, x = min(max(y * motions.spacing[0], 0.0), rows - 1.0), min(max(x * motions.spacing[1], 0.0), columns - 1.0)
+    top, left = min(int(y), rows - 2), min(int(x), columns - 2)
+    down, across = y - top, x - left
+    upper, lower = motions.shifts[frame, top], motions.shifts[frame, top + 1]
+    a, b, c, d = (1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across
+    v = a * upper[left, 0] + b * upper[left + 1, 0] + c * lower[left, 0] + d * lower[left + 1, 0]
+    u = a * upper[left, 1] + b * upper[left + 1, 1] + c * lower[left, 1] + d * lower[left + 1, 1]
+    return v, u
+
+
+@parallel_kernel()
+def map_points(pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2) -> None:
+    """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other way. motions: one."""
+    for point in range(pieces[0], pieces[1]):
+        y, x = points[point, 0], points[point, 1]
+        out[point, 0], out[point, 1] = reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
+
+
+@parallel_kernel()
+def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
+    """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees nothing. motions: one."""
+    height, width = plane.shape
+    for row in range(pieces[0], pieces[1]):
+        for column in range(width):
+            y, x = frame_place(motions, 0, float(row), float(column))
+            inside = -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5
+            out[row, column] = interpolated(plane, y, x) if inside else np.float32(np.nan)
+
+
+def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2, *points).
+
+    y, x: arrays of one shape, or that NumPy brings to one. shape: (H, W) of both frames. Points and places may lie outside.
+
+    >>> from offline.burst import Motion, in_frame
+    >>> in_frame(Motion((2.0, -1.0)), 10, 20, (101, 101)).tolist()
+    [12.0, 19.0]
+    """
+    return _mapped(motion, y, x, shape, 0)
+
+
+def in_reference(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Places in the reference of points of a frame: the inverse of `in_frame`."""
+    return _mapped(motion, y, x, shape, 1)
+
+
+def _mapped(motion: Motion, y: Any, x: Any, shape: tuple[int, ...], inverse: int) -> FloatArray:
+    points = np.stack(np.broadcast_arrays(y, x), axis=-1).astype(np.float64)
+    places = np.empty((points.size // 2, 2), np.float32)
+    map_points(Motions.of([motion], shape), points.reshape(-1, 2), inverse, places)
+    return np.moveaxis(places.reshape(points.shape), -1, 0)
+
+
+def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
+    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
+    result = np.empty(plane.shape, np.float32)
+    displace(plane, Motions.of([motion], plane.shape), result)
+    return result

@@ -20,8 +20,8 @@ from ..stages.highlights import clipping_level
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
 from .agree import CLIPPED, Frame, Reference, agreement, unclipped
-from .align import TINY, Alignment, View, displaced, find_motion
-from .motion import Motion
+from .align import TINY, Alignment, View, align
+from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame
@@ -159,7 +159,7 @@ def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | Non
     """Return the verdict on a frame, and what is merged of it; None = nothing. motion: against the reference; None = unknown."""
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
-    aligned = find_motion(reference.frame, frame) if motion is None else Alignment(motion)
+    aligned = align(reference.frame, frame) if motion is None else Alignment(motion)
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = frame.darker(aligned.gain)

@@ -2,12 +2,10 @@
 
 Fields x_f of a region solve, at every pixel n with its neighbours n',
 
-    diagonal_f[n] x_f[n] - sum_n' link[n, n'] x_f[n'] + sum_g coupling_fg[n] x_g[n] = right side_f[n].
+    diagonal_f[n] x_f[n] - sum_n' link[n, n'] x_f[n'] = right side_f[n].
 
-The preconditioner is the diagonal; equations may come scaled to a diagonal of one, so that there is none to read. Coupled fields
-take a common step, others steps of their own. For coupled ones the preconditioner has a second level (additive Schwarz: Dryja and
-Widlund 1987), the same equations for fields that are constant on each of some squares, solved directly: in bursts with much noise
-each sample influences hundreds of pixels, which takes 900 iterations without it, and 100 with it. Others are faster without it.
+The preconditioner is the diagonal; equations may come scaled to a diagonal of one, so that there is none to read. Every field takes
+steps of its own.
 
 A region lies in planes with two rows of zeros above and below. Rows follow each other without a gap: the neighbours of an element
 lie at constant distances from it, and those beyond the left and right edge belong to other rows, so that links to them have to be
@@ -22,7 +20,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
-from .arrays import Doubles1, Doubles2, Doubles3, Floats1, Floats2, Floats3, Pair, Scalar
+from .arrays import Doubles1, Floats1, Floats2, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import unset, zeros
 
@@ -31,7 +29,6 @@ TOGETHER = 3
 BORDER = 2
 """Rows of zeros above a region, and below it."""
 _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have no rest
-_SQUARE = 8  # pixels: side of the squares; chosen for speed
 Unsigned = np.unsignedinteger[Any]
 _ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
 
@@ -41,12 +38,10 @@ class System(NamedTuple):
 
     links: (4, ...), 0 or more, from each pixel to the one on its right, below, below right and below left.
     diagonal: (F, ...), or none: 1.
-    coupling: (F (F - 1) / 2, ...), of fields 0 and 1, 0 and 2 ... 1 and 2 ..., or none.
     """
 
     links: Floats3
     diagonal: Floats3
-    coupling: Floats3
 
 
 class Limits(NamedTuple):
@@ -125,21 +120,21 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
     norm: squared norm to which the largest residual is relative, in that of the preconditioner; 0 = that of the start.
     Returns the norm of the largest residual, relative to `norm`, and the iterations used. NaN if a value is not finite.
     """
-    count, scaled, joint = len(residual), len(system.diagonal) == 0, len(system.coupling) > 0
+    count, scaled = len(residual), len(system.diagonal) == 0
     # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
     work = zeros((2 if scaled else 3) * count, *residual.shape[1:])
     direction, applied, better = work[:count], work[count : 2 * count], residual if scaled else work[2 * count :]
-    inverse, factors = _inverses(system.diagonal), _factors(system) if joint else np.zeros((count, 0, 0))
-    steps, squared, before, curvature = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    inverse = _inverses(system.diagonal)
+    steps, squared, before = np.zeros(count), np.zeros(count), np.zeros(count)
     used = 0
     while True:
         for field in range(count):
             step = np.float32(steps[field])
             squared[field] = _advance(solution[field], residual[field], direction[field], applied[field], step)
             if not scaled:
-                _precondition(residual[field], inverse[field], factors[field], better[field])
+                _precondition(residual[field], inverse[field], better[field])
                 squared[field] = product(residual[field], better[field])
-        worst = _largest(squared, joint)
+        worst = _largest(squared)
         norm = norm if norm > 0 else worst
         if used == limits.iterations or not worst > limits.tolerance**2 * norm:
             return math.sqrt(worst / norm) if norm != 0 else 0.0, used
@@ -147,27 +142,22 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
         for field in range(count):
             _turn(direction[field], better[field], np.float32(squared[field] / before[field] if before[field] > 0 else 0))
         _multiply(system.links, _ONE if scaled else _ZERO, direction, applied)
-        if not scaled:
-            _add_diagonal(system, direction, applied)
         for field in range(count):
-            curvature[field] = product(direction[field], applied[field])
-        _largest(curvature, joint)
-        for field in range(count):
-            steps[field] = squared[field] / curvature[field] if curvature[field] != 0 else 0
+            if not scaled:
+                _add_product(system.diagonal[field], direction[field], applied[field])
+            curvature = product(direction[field], applied[field])
+            steps[field] = squared[field] / curvature if curvature != 0 else 0
             before[field] = squared[field]
 
 
 @kernel
-def _largest(products: Doubles1, joint: bool) -> float:
-    """The largest product of a field, NaN if one is. Products of coupled fields become their sum."""
-    total = largest = 0.0
+def _largest(products: Doubles1) -> float:
+    """The largest product of a field, NaN if one is."""
+    largest = 0.0
     for value in products:
-        total += value
         if value > largest or math.isnan(value):
             largest = value
-    for field in range(len(products) if joint else 0):
-        products[field] = total
-    return total if joint else largest
+    return largest
 
 
 @kernel
@@ -248,18 +238,6 @@ def _turn(direction: Floats2, better: Floats2, turn: Scalar) -> None:
 
 
 @kernel
-def _add_diagonal(system: System, direction: Floats3, applied: Floats3) -> None:
-    """Add what the diagonal and couplings make of a direction."""
-    place = 0
-    for one in range(len(direction)):
-        _add_product(system.diagonal[one], direction[one], applied[one])
-        for other in range(one + 1, len(direction) if len(system.coupling) > 0 else 0):
-            _add_product(system.coupling[place], direction[other], applied[one])
-            _add_product(system.coupling[place], direction[one], applied[other])
-            place += 1
-
-
-@kernel
 def _add_product(weight: Floats2, values: Floats2, out: Floats2) -> None:
     w, x, sums = weight.reshape(-1), values.reshape(-1), out.reshape(-1)
     for index in range(len(w)):
@@ -277,78 +255,8 @@ def _inverses(diagonal: Floats3) -> FloatArray:
 
 
 @kernel
-def _precondition(residual: Floats2, inverse: Floats2, factor: Doubles2, better: Floats2) -> None:
-    """Write the residual over the diagonal to `better`, and add the solution for squares if there are factors."""
+def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> None:
+    """Write the residual over the diagonal to `better`."""
     scale, r, z = inverse.reshape(-1), residual.reshape(-1), better.reshape(-1)
     for index in range(len(z)):
         z[index] = scale[index] * r[index]
-    if len(factor) > 0:
-        _add_squares(residual, factor, better)
-
-
-@kernel
-def _add_squares(residual: Floats2, factor: Doubles2, better: Floats2) -> None:
-    rows, width = residual.shape
-    across, line, values = (width + _SQUARE - 1) // _SQUARE, zeros(width), np.zeros(len(factor))
-    for square in range(len(values) // across):
-        line[:] = _ZERO
-        for row in range(BORDER + square * _SQUARE, min(BORDER + (square + 1) * _SQUARE, rows)):
-            for column in range(width):
-                line[column] += residual[row, column]
-        for column in range(width):
-            values[square * across + column // _SQUARE] += line[column]
-    _substitute(factor, across + 1, values)
-    for square in range(len(values) // across):
-        for column in range(width):
-            line[column] = values[square * across + column // _SQUARE]
-        for row in range(BORDER + square * _SQUARE, min(BORDER + (square + 1) * _SQUARE, rows - BORDER)):
-            for column in range(width):
-                better[row, column] += line[column]
-
-
-@kernel
-def _factors(system: System) -> Doubles3:
-    """The Cholesky factors of the equations for squares, without couplings: (F, squares, squares), banded."""
-    count, rows, width = system.diagonal.shape
-    across = (width + _SQUARE - 1) // _SQUARE
-    squares = (rows - 2 * BORDER + _SQUARE - 1) // _SQUARE * across
-    factors = np.zeros((count, squares, squares))
-    for row in range(rows - 2 * BORDER):
-        for column in range(width):
-            square = row // _SQUARE * across + column // _SQUARE
-            for field in range(count):
-                factors[field, square, square] += system.diagonal[field, BORDER + row, column]
-            for side in range(4):
-                link = system.links[side, BORDER + row, column]
-                over = 0 if side == 1 else -1 if side == 3 else 1  # columns to the right
-                other = (row + (side > 0)) // _SQUARE * across + (column + over) // _SQUARE
-                for field in range(count if link > _ZERO else 0):
-                    factors[field, max(square, other), min(square, other)] -= 2 * link if other == square else link
-    for field in range(count):
-        _factorise(factors[field], across + 1)
-    return factors
-
-
-@kernel
-def _factorise(factor: Doubles2, band: int) -> None:
-    """Replace a banded matrix by its Cholesky factor; rows without an equation get a diagonal of 1."""
-    for row in range(len(factor)):
-        for column in range(max(row - band, 0), row + 1):
-            rest = factor[row, column]
-            for before in range(max(row - band, 0), column):
-                rest -= factor[row, before] * factor[column, before]
-            factor[row, column] = rest / factor[column, column] if column < row else math.sqrt(rest) if rest != 0 else 1
-
-
-@kernel
-def _substitute(factor: Doubles2, band: int, values: Doubles1) -> None:
-    """Solve, in place, the system whose banded Cholesky factor this is."""
-    for row in range(len(values)):
-        rest = values[row]
-        for column in range(max(row - band, 0), row):
-            rest -= factor[row, column] * values[column]
-        values[row] = rest / factor[row, row]
-    for row in range(len(values) - 1, -1, -1):
-        values[row] /= factor[row, row]
-        for column in range(max(row - band, 0), row):
-            values[column] -= factor[row, column] * values[row]

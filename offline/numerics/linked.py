@@ -1,32 +1,101 @@
 """Fields that fit samples and are smooth except across edges of luminance: the minimum of a sum of squares, tile by tile.
 
-With w_fg the normal equations of the samples, s the smoothness, f the fading and t an edge, the fields x minimise
+Each field x minimises, with w the weights of its samples and b these times what is sampled, s the smoothness, f the fading, t an
+edge and l the luminance,
 
-    sum_n (sum_fg w_fg[n] x_f[n] x_g[n] - 2 sum_f b_f[n] x_f[n] + f sum_f x_f[n]^2)
-    + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) sum_f (x_f[n] - x_f[n'])^2
+    sum_n (w[n] x[n]^2 - 2 b[n] x[n] + f x[n]^2) + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) (x[n] - x[n'])^2
 
-over neighbours n, n', diagonal ones with half the smoothness; l is luminance, b the right sides.
+over neighbours n, n', diagonal ones with half the smoothness.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Floats1, Floats2, Floats3, Scalar
-from .compile import kernel
-from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes
-from .conjugate_gradients import solve as solve_system
-from .functions import zeros
+from shared.arrays import FloatArray
+from shared.progress import Progress
 
-Prior = tuple[float, float, float]
-"""Smoothness and fading, relative to the precision of a sample, and the difference of luminance, scene units, that is an edge."""
+from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
+from .compile import Pieces, kernel, parallel_kernel
+from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes, solve
+from .functions import tile_at, zeros
+from .solvers import report
+
 TILE = 128
 """Rows and columns of a tile, which is solved at a time. Chosen for speed."""
-_ITERATIONS = 1000  # at most; bursts of two to eight frames took 93 or less, in noise of 0 to 0.1
+_ITERATIONS = 1000  # at most; bursts of two to eight frames took 200 or less, in noise of 0 to 0.1
 _ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
-def tiles_of(rows: tuple[int, int], width: int) -> int:
-    """The number of tiles in some rows of a frame. rows: first and end row; the first is a multiple of `TILE`."""
-    return -(-(rows[1] - rows[0]) // TILE) * -(-width // TILE)
+class Prior(NamedTuple):
+    """Smoothness and fading, relative to the weight of a sample, and the difference of luminance, scene units, that is an edge."""
+
+    smoothness: float
+    fading: float
+    edge: float
+
+
+class Samples(NamedTuple):
+    """Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the values."""
+
+    weights: Floats3
+    products: Floats3
+
+
+class Extent(NamedTuple):
+    """First and end row to solve, where tiles begin at the first; pixels around a tile that are solved with it; tolerance."""
+
+    first: int
+    end: int
+    halo: int
+    tolerance: float
+
+
+class Solution(NamedTuple):
+    """Results, written.
+
+    fields: (F, rows, W).
+    residuals, used: (tiles,), relative residual of the worst field, and iterations.
+    """
+
+    fields: Floats3
+    residuals: Doubles1
+    used: Ints1
+
+
+def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str, progress: Progress) -> FloatArray:
+    """Fields of some rows of a part of the picture, float32 (F, rows, W).
+
+    luminance: (rows, W), of the part.
+    solver: its name, for progress. Raises ConvergenceError when conjugate gradients do not reach their tolerance.
+    """
+    rows, width = extent.end - extent.first, luminance.shape[1]
+    tiles = -(-rows // TILE) * -(-width // TILE)
+    solution = Solution(np.empty((len(samples.weights), rows, width), np.float32), np.empty(tiles), np.empty(tiles, np.intp))
+    contiguous = Samples(*map(np.ascontiguousarray, samples))
+    solve_tiles(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
+    report(progress, solver, solution.used, solution.residuals, extent.tolerance)
+    return solution.fields
+
+
+@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
+def solve_tiles(pieces: Pieces, luminance: Frozen2, samples: Samples, prior: Prior, extent: Extent, solution: Solution) -> None:
+    """Solve the tiles of some rows, see `fitted`."""
+    height, width = luminance.shape
+    for number in range(pieces[0], pieces[1]):
+        top, bottom, left, end = tile_at(number, (extent.end - extent.first, width), (TILE, TILE))
+        above, below = max(extent.first + top - extent.halo, 0), min(extent.first + bottom + extent.halo, height)
+        before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
+        links = zeros(4, below - above, after - before)
+        link(luminance[above:below, before:after], prior, links)
+        weights, products = samples.weights[:, above:below, before:after], samples.products[:, above:below, before:after]
+        fields, residual, used = _solved(weights, products, links, np.float32(prior.fading), extent.tolerance)
+        solution.residuals[number], solution.used[number] = residual, used
+        for field in range(len(weights)):
+            for row in range(top, bottom):
+                line = fields[field, BORDER + extent.first + row - above]
+                for column in range(left, end):
+                    solution.fields[field, row, column] = line[column - before]
 
 
 @kernel
@@ -35,7 +104,7 @@ def link(light: Floats2, prior: Prior, links: Floats3) -> None:
 
     links: (4, H, W), zeros at first.
     """
-    smoothness, per_edge, rows = np.float32(prior[0]), np.float32(1 / prior[2] ** 2), len(light)
+    smoothness, per_edge, rows = np.float32(prior.smoothness), np.float32(1 / prior.edge**2), len(light)
     for row in range(rows):
         _link_row(light[row, :-1], light[row, 1:], smoothness, per_edge, links[0, row])
         if row + 1 < rows:
@@ -52,50 +121,28 @@ def _link_row(here: Floats1, there: Floats1, weight: Scalar, per_edge: Scalar, l
 
 
 @kernel
-def solve(
-    normal: Floats3, right_side: Floats3, links: Floats3, fading: Scalar, tolerance: float, solution: Floats3
-) -> tuple[float, int]:
-    """Solve by conjugate gradients until the residual, in the norm of the preconditioner, is `tolerance` of what it was.
-
-    normal: (P (P + 1) / 2, H, W), normal equations of the samples at each pixel, upper triangles for P fields; or their diagonals
-        alone, (P, H, W).
-    right_side: (P, H, W). links: (4, H, W), see `link`. fading: how much each field is to be 0.
-    solution: (P, H, W), written.
-    Returns the residual, relative to what it was, and the iterations used. The residual is NaN if a value is not finite.
-    """
-    (parts, rows, columns), coupled = right_side.shape, len(normal) > len(right_side)
+def _solved(weights: Floats3, products: Floats3, links: Floats3, fading: Scalar, tolerance: float) -> tuple[FloatArray, float, int]:
+    """The fields of a region, in planes of `conjugate_gradients`, its relative residual and the iterations used."""
+    parts, rows, columns = weights.shape
     count = (parts + TOGETHER - 1) // TOGETHER * TOGETHER
     graph, degree = planes(4, (rows, columns)), planes(1, (rows, columns))[0]
     for side in range(4):
         _place(links[side], graph[side])
     shape = degree.shape
-    diagonal, residual, unknowns = zeros(count, *shape), zeros(count, *shape), zeros(count, *shape)
+    diagonal, residual, fields = zeros(count, *shape), zeros(count, *shape), zeros(count, *shape)
     residual[0] = _ONE
     linked_sum(graph, residual[0], degree)
     residual[0] = _ZERO
-    coupling = zeros(count * (count - 1) // 2 if coupled else 0, *shape)
-    place = pair = 0
-    for part in range(count):
-        if part < parts:
-            _place(right_side[part], residual[part])
-            _place(normal[place], diagonal[part])
-            place += 1
+    for field in range(count):
+        if field < parts:
+            _place(products[field], residual[field])
+            _place(weights[field], diagonal[field])
         for row in range(BORDER, BORDER + rows):
-            line, sums = diagonal[part, row], degree[row]
+            line, sums = diagonal[field, row], degree[row]
             for column in range(columns):
                 line[column] += sums[column] + fading
-        for other in range(part + 1, count if coupled else 0):
-            if other < parts:
-                _place(normal[place], coupling[pair])
-                place += 1
-            pair += 1
-    result = solve_system(System(graph, diagonal, coupling), residual, unknowns, Limits(tolerance, _ITERATIONS), 0.0)
-    for part in range(parts):
-        for row in range(rows):
-            line, source = solution[part, row], unknowns[part, BORDER + row]
-            for column in range(columns):
-                line[column] = source[column]
-    return result
+    left, used = solve(System(graph, diagonal), residual, fields, Limits(tolerance, _ITERATIONS), 0.0)
+    return fields, left, used
 
 
 @kernel

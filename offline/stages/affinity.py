@@ -197,7 +197,7 @@ def solve_regions(
         solution, residual = unknowns[:_SOLVED], unknowns[_SOLVED:]
         norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
-        system = System(links, links[:0], links[:0])
+        system = System(links, links[:0])
         solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm)
         for row in range((bottom - top) * period):
             place = (top - regions.first) * period + row, left * period

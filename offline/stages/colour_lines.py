@@ -251,10 +251,6 @@ class OnLines(RowStage):
     name = "lines"
     kernels = ("lead_to_lines",)
 
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return 4.0 * channels * pixels
-
     @cached_property
     def _planes(self) -> FloatArray:
         share, offset, slope = self.lines.share, self.lines.offset, self.lines.slope

@@ -56,8 +56,6 @@ _DIM, _LEAST_DIM = 0.2, 1e-5  # fraction of the mean luminance, and scene units:
 _FAINT = 0.01  # bound, a fraction of luminance, below which a correction is not worth its time, as below the noise: loses nothing
 _TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
 _HALO = REACH + MARGIN
-_NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
-_BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
 
 Span = tuple[int, int]
 """First and end of some rows, or columns, of cells; they may lie outside the frame."""
@@ -95,10 +93,6 @@ class Learned(RowStage):
         """A tile, and what the network sees around it."""
         cells = self._cells
         return Look((_HALO + 1) * cells.period, _TILE * cells.period, cells.origin[0])
-
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels: the picture before and after it, the network, its runtime and the tiles that are at work."""
-        return _NETWORK + _BYTES * (1 + channels) * pixels
 
     @cached_property
     def _cells(self) -> "Cells":

@@ -221,10 +221,6 @@ class Missed(RowStage):
 
     name = "missed"
 
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return 4.0 * pixels
-
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with what they miss."""
         picture, sites = part.rows(*rows), self.samples.sites
@@ -252,10 +248,6 @@ class Correction(RowStage):
     def look(self) -> Look:
         """The blocks around a site."""
         return Look(site_reach(self.samples.sites.grid.period))
-
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return 4.0 * (2 + channels) * pixels
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, corrected."""

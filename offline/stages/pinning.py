@@ -15,7 +15,6 @@ the picture's own chromaticity as far as noise hides what sites show, otherwise 
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,9 @@ from shared.arrays import BoolArray, FloatArray
 from shared.progress import SILENT, Progress
 
 from ..measured import BlockSamples, Measured
-from ..numerics.arrays import Bytes2, Doubles1, Floats2, Floats3, Ints1, Pair
-from ..numerics.compile import Pieces, parallel_kernel
-from ..numerics.functions import tile_at, zeros
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
-from ..numerics.linked import TILE, Prior, link, solve, tiles_of
-from ..numerics.solvers import report
+from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
 from ..parts import DARK, Look, Part, RowStage
 from .correction import signal_power, site_reach
 
@@ -40,8 +35,11 @@ _TINY = 1e-6  # scene units: the least difference that is an edge
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted (0.1)
 _CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too (0.0)
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
-_BYTES, _CHANNEL = 29.0, 12.0  # of memory, per pixel of the rows that are held, and per channel of them: measured
 _LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
+HALO = 16
+"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
+TOLERANCE = 1e-4
+"""Relative residual at which conjugate gradients stop. Chosen."""
 
 
 def _confidence(power: FloatArray, noise: FloatArray | None) -> FloatArray:
@@ -65,17 +63,13 @@ class Pinning(RowStage):
     progress: Progress = SILENT
 
     name = "pinning"
-    kernels = "pin_samples", "interpolate", "smooth"
+    kernels = "solve_tiles", "interpolate", "smooth"
 
     @property
     def look(self) -> Look:
         """Dependence of a pixel: its neighbours, and the tiles around those."""
         period = self.measured.pattern.period
         return Look(HALO + site_reach(period) + _TAPS * period, TILE)
-
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return (_BYTES + _CHANNEL * channels) * pixels
 
     @cached_property
     def _edge(self) -> float:
@@ -128,75 +122,12 @@ class Pinning(RowStage):
         return base
 
     def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
-        channels = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
-        own, tiles = part.rows(*rows), tiles_of(rows, part.luminance.shape[1])
-        pinned = Pinned(np.empty_like(own.chromaticity), np.empty(tiles), np.empty(tiles, np.intp))
-        sites, prior = SiteRatios(channels, ratios, weights), (_SMOOTHNESS, _FADING, self._edge)
-        pin_samples(part.luminance, base, sites, (rows[0] - part.first, rows[1] - part.first), prior, pinned)
-        report(self.progress, "pinning", pinned.used, pinned.residuals, TOLERANCE)
-        total = (pinned.chromaticity @ self.measured.gamma)[..., None]
+        filters = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
+        of_channel = np.arange(base.shape[2])[:, None, None] == filters
+        samples = Samples(of_channel * weights, of_channel * (weights * (ratios - np.moveaxis(base, 2, 0))))
+        extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
+        change = fitted(part.luminance, samples, Prior(_SMOOTHNESS, _FADING, self._edge), extent, "pinning", self.progress)
+        own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
+        total = (pinned @ self.measured.gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
-        return replace(own, chromaticity=np.where(whole, pinned.chromaticity / np.where(whole, total, 1), own.chromaticity))
-
-
-HALO = 16
-"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
-TOLERANCE = 1e-4
-"""Relative residual at which conjugate gradients stop. Chosen."""
-
-
-class SiteRatios(NamedTuple):
-    """Samples of the sites, (rows, W).
-
-    channels: the channel of each colour site; C elsewhere.
-    ratios: chromaticity of that channel.
-    weights: confidence in the site, 0 to 1.
-    """
-
-    channels: Bytes2
-    ratios: Floats2
-    weights: Floats2
-
-
-class Pinned(NamedTuple):
-    """Results, written.
-
-    chromaticity: (rows, W, C).
-    residuals, used: (tiles,), relative residual of the worst channel, and iterations.
-    """
-
-    chromaticity: Floats3
-    residuals: Doubles1
-    used: Ints1
-
-
-@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def pin_samples(
-    pieces: Pieces, luminance: Floats2, base: Floats3, sites: SiteRatios, rows: Pair, prior: Prior, pinned: Pinned
-) -> None:
-    """Find the chromaticity of some rows of the frame.
-
-    luminance, base: (rows, W) and (rows, W, C), a part of the picture that reaches `HALO` beyond the rows to find.
-    rows: first and end row to find, of the part; tiles begin at the first.
-    """
-    (height, width), count = luminance.shape, base.shape[2]
-    for number in range(pieces[0], pieces[1]):
-        top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
-        above, below = max(rows[0] + top - HALO, 0), min(rows[0] + bottom + HALO, height)
-        before, after = max(left - HALO, 0), min(right + HALO, width)
-        size = below - above, after - before
-        links, normal, right_side, change = zeros(4, *size), zeros(count, *size), zeros(count, *size), zeros(count, *size)
-        link(luminance[above:below, before:after], prior, links)
-        for y in range(above, below):
-            for x in range(before, after):
-                channel, weight = sites.channels[y, x], sites.weights[y, x]
-                if channel < count:
-                    normal[channel, y - above, x - before] = weight
-                    right_side[channel, y - above, x - before] = weight * (sites.ratios[y, x] - base[y, x, channel])
-        fading = np.float32(prior[1])
-        pinned.residuals[number], pinned.used[number] = solve(normal, right_side, links, fading, TOLERANCE, change)
-        for row in range(top, bottom):
-            y = rows[0] + row
-            for x in range(left, right):
-                for channel in range(count):
-                    pinned.chromaticity[row, x, channel] = base[y, x, channel] + change[channel, y - above, x - before]
+        return replace(own, chromaticity=np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity))

@@ -40,9 +40,6 @@ class PropagationSettings(StageSettings):
     likeness: Finite = 0.0
 
 
-_BYTES, _CHANNEL = 48.0, 28.0  # per pixel (four fields), and per channel of it (the same rows at several stages): measured
-
-
 @dataclass(eq=False)
 class Propagation(RowStage):
     """Spread the chromaticity of the blocks of a frame to its pixels (Eqs. 10-14)."""
@@ -60,10 +57,6 @@ class Propagation(RowStage):
         """No rows around, but whole rows of cores (`tiling`)."""
         grid = self.measured.grid
         return Look(step=core_patches(grid.period)[0] * grid.period, origin=-grid.padding[0][0])
-
-    def memory(self, pixels: int, channels: int) -> float:
-        """Bytes for this many pixels."""
-        return (_BYTES + _CHANNEL * channels) * pixels
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with a chromaticity that does not depend on the part's.

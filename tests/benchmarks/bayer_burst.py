@@ -16,6 +16,7 @@ import numpy as np
 from offline.burst import Motion, View, align, in_frame, in_reference
 from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
+from shared.errors import InputError
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from tools.simulation.bayer import channel_map
 
@@ -56,7 +57,10 @@ def render_bayer_burst(
 def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Motion:
     """How a frame lies against the reference, by the sum of the channels of their demosaicked pictures."""
     noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),)) if sigma.any() else None
-    return align(View(reference.sum(axis=2), noise), View(frame.sum(axis=2), noise)).motion
+    found = align(View(reference.sum(axis=2), noise), View(frame.sum(axis=2), noise))
+    if isinstance(found, str):
+        raise InputError(found)
+    return found.motion
 
 
 def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion]) -> DoubleArray:

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from offline import SolverLog
-from offline.numerics.conjugate_gradients import BORDER
 from offline.stages import affinity as stage
-from offline.stages.affinity import AffinitySettings, derivative_filters, solve_affinities, transmission
-from offline.tiling import bands, core_patches
+from offline.stages.affinity import AffinitySettings, solve_affinities
+from offline.tiling import bands
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError
-from tests.offline.kernels.from_python import callable_kernel
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, gamma_of, materials
 from tests.reference import affinity as reference
@@ -32,8 +30,6 @@ RENDERED = 0.03
 SUM = 5e-7
 # What a halo of two patches leaves at most, for periods up to 8. The solver's tolerance of 1e-3 leaves 0.1 and 1e-3.
 CUT, CUT_RMS = 0.01, 5e-4
-# Transmissions: squares and quotients of float32 differences, parts in a million of exponents up to a hundred.
-FLOAT32 = 1e-5
 
 
 def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
@@ -91,14 +87,6 @@ def test_brightness_does_not_matter(scale: float) -> None:
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
     assert_close(solve(light * np.float32(scale), pattern, TIGHT), solve(light, pattern, TIGHT), SOLVED)
-
-
-def test_transposing_the_picture_transposes_the_fields() -> None:
-    pattern = CfaPattern.bayer(6, origin=(4, 5))
-    light = light_of(pattern, (23, 31))
-    found = solve(light, pattern, TIGHT)
-    turned = solve(light.T.copy(), CfaPattern.bayer(6, origin=(5, 4)), TIGHT)
-    assert_close(turned, found.transpose(1, 0, 3, 2), SOLVED)
 
 
 def test_affinity_stops_at_an_edge() -> None:
@@ -183,13 +171,6 @@ def test_small_regions_equal_the_whole_frame(pattern: CfaPattern, shape: tuple[i
     compare_with_the_whole_frame(shaded_steps(shape), pattern)
 
 
-@pytest.mark.parametrize(("period", "shape"), [(6, (139, 131)), (8, (91, 290))])
-def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> None:
-    pattern = CfaPattern.bayer(period, origin=(2, 3))
-    assert any(count > core for count, core in zip(pattern.grid(shape).patches, core_patches(period), strict=True))
-    compare_with_the_whole_frame(shaded_steps(shape, seed=1), pattern)
-
-
 @pytest.mark.parametrize("period", [3, 6])
 def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
@@ -200,35 +181,3 @@ def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_cou
     for _ in each_thread_count:
         parts = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]
         assert np.array_equal(np.concatenate(parts, axis=2), entire)
-
-
-def transmissions(area: DoubleArray, period: int, scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Horizontal and vertical, of whole patches."""
-    filters = derivative_filters(scales)
-    light = np.pad(area.astype(np.float32), filters.smooth.shape[1] - 1, mode="reflect")
-    across, down = callable_kernel(transmission)(light, period, filters)[:, BORDER:-BORDER, : area.shape[1]]
-    return across, down
-
-
-@pytest.mark.parametrize("scales", [PAPER.scales, (0.4, 0.9, 2.0), (0.1,)])
-@pytest.mark.parametrize(("period", "patches"), [(3, (1, 1)), (4, (5, 3)), (6, (4, 7)), (16, (2, 3))])
-def test_edges_equal_the_reference(period: int, patches: tuple[int, int], scales: tuple[float, ...]) -> None:
-    """Eq. 13."""
-    area = np.random.default_rng(period).uniform(size=(patches[0] * period, patches[1] * period)) ** 3
-    for axis, result in zip((1, 0), transmissions(area, period, scales), strict=True):
-        assert_close(result, np.exp(-reference.edges(area, period, scales, axis)), FLOAT32)
-
-
-@pytest.mark.parametrize("value", [0.0, 0.7, -3.0, 1e4, 1e-30])
-def test_even_light_has_no_edges(value: float) -> None:
-    for result in transmissions(np.full((12, 18), value), 6, PAPER.scales):
-        assert (result == 1).all()
-
-
-def test_a_step_is_an_edge_in_one_direction() -> None:
-    area = np.ones((12, 12))
-    area[:, 9:] = 2.0
-    across, down = transmissions(area, 6, PAPER.scales)
-    assert across[:, 8:10].max() < 0.2
-    assert (down == 1).all()
-    assert (across[:, :5] > 0.99).all()

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from offline import use_threads
 from offline.settings import BEST, UNLEARNED
 from offline.stages.luminance import recover_luminance
-from offline.stages.luminance_network import REACH, SIDE, refilled, seen_around
+from offline.stages.luminance_network import SIDE, refilled, seen_around
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
@@ -85,18 +85,6 @@ def test_the_number_of_threads_changes_no_bit() -> None:
         found.append(refilled(luminance.copy(), mosaic))
     use_threads(1)
     assert np.array_equal(found[0], found[1])
-
-
-def test_it_sees_contrast_and_noise_in_units_of_contrast() -> None:
-    wide = np.pad(np.arange(400.0, dtype=np.float32).reshape(20, 20), REACH)
-    blocks = np.array([3, 9]), np.array([7])
-    asked, seen, units = seen_around(wide, blocks, NoiseModel((0.0,) * 4, (2.0,) * 4))
-    assert asked.tolist() == [0, 1]
-    for place, row in enumerate(blocks[0]):
-        pixels = wide[row : row + SIDE, 7 : 7 + SIDE]
-        assert units[place, 0] == pytest.approx(pixels.std(), rel=1e-5)
-        assert seen[place, :-1] == pytest.approx(((pixels - pixels.mean()) / pixels.std()).ravel(), abs=1e-4)
-        assert seen[place, -1] == pytest.approx(np.log2(1 + 2 / pixels.std()), rel=1e-4)
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 0.021), (0.0215, 0.0258)])

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter
 
 from offline import BEST, PAPER, render
 from offline.numerics.interpolation import interpolate
-from offline.stages.highlights import clipping_level, replace_dark, restore_highlights, shown_at_sites, unmeasured
+from offline.stages.highlights import clipping_level, restore_highlights, unmeasured
 from offline.stages.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
-from shared.white_balance import clipped_share, raised_to_white
+from shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.offline.stage_tests import StageTests
 from tools.io.display import ColourTransform
@@ -126,31 +124,6 @@ def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[in
     assert wrong < 1.01 * without
 
 
-def test_readings_are_raised_to_white_and_never_lowered() -> None:
-    def raised(readings: DoubleArray) -> DoubleArray:
-        return raised_to_white(readings, clipped_share(readings, LIMIT, 0.05), LIMIT, NEUTRAL)
-
-    readings = np.random.default_rng(3).uniform(0, LIMIT, (400, 3))
-    assert (raised(readings) >= readings).all()
-    safe = (readings <= 0.95 * LIMIT).all(axis=1)
-    assert np.array_equal(raised(readings)[safe], readings[safe])
-    # A white surface, brighter and brighter: the channels clip one after the other, and none is lost till the last does.
-    for level in (2.0, 3.5, 4.5, 5.5, 6.0, 9.0):
-        read = np.minimum(np.array(NEUTRAL) * level, LIMIT)
-        assert np.allclose(raised(read), np.array(NEUTRAL) * min(level, LIMIT / min(NEUTRAL)), rtol=0.01)
-    # Red stays red while its other channels are low.
-    assert np.allclose(raised(np.array([LIMIT, 0.2, 0.1])), [LIMIT, 0.2, 0.1])
-
-
-def test_dark_blocks_take_the_light_of_bright_ones_near() -> None:
-    light, bright = np.zeros((11, 11)), np.zeros((11, 11), bool)
-    light[4, 4], bright[4, 4] = 5.0, True
-    taken = replace_dark(light, bright)
-    assert np.allclose(taken[2:7, 2:7], 5.0)
-    assert taken[8:].max() == 0
-    assert np.array_equal(replace_dark(light, np.ones((11, 11), bool)), light)
-
-
 def test_without_a_known_neutral_white_is_equal_readings() -> None:
     mosaic = exposed(lamp(12.0, (1.0, 1.0, 1.0)), None)
     same = replace(mosaic, calibration=replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0)))
@@ -197,15 +170,6 @@ def test_nothing_is_lost_where_nothing_is_clipped_or_restored() -> None:
     assert render(Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration), BEST).lost is None
     assert render(exposed(lamp(2.0, NEUTRAL)), BEST).lost is None
     assert render(Mosaic(hot, mosaic.pattern, mosaic.calibration), BEST).lost is None
-
-
-@pytest.mark.parametrize("pattern", [SPARSE[1], SPARSE[3]])
-def test_what_is_lost_at_colour_sites_is_the_mean_around_them(pattern: CfaPattern) -> None:
-    clear = pattern.panchromatic_mask((19, 34))
-    lost = np.where(clear, np.random.default_rng(0).random(clear.shape, np.float32), 0)
-    total, count = (uniform_filter(plane.astype(np.float64), 3, mode="mirror") for plane in (lost, clear))
-    expected = np.where(clear, lost, total / np.maximum(count, 1e-3))  # none is seen from a corner of the frame
-    assert np.abs(shown_at_sites(lost, clear, pattern) / 255 - expected).max() < 0.502 / 255
 
 
 def test_blocks_tell_of_what_is_around_them() -> None:

@@ -92,15 +92,6 @@ def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_
     assert_close(result @ gamma, np.ones(shape), 1e-5)  # Eq. 7
 
 
-def test_a_channel_that_is_dark_on_a_line_tells_nothing_of_luminance() -> None:
-    """What its samples miss was once divided by next to nothing: up to 150 times white."""
-    random = np.random.default_rng(20)
-    scene = np.where(random.uniform(size=(96, 104, 1)) < 0.3, (0.212, 0.056, 0.036), (0.0, 0.832, 0.135)).astype(np.float32)
-    for tile in ("kodak", "K=4", "K=6"):
-        mosaic = simulate_additive(scene, CfaPattern.of_letters(tile), SensorCalibration(), 0.0, random)
-        assert np.abs(render(mosaic, BEST).rgb).max() < 3
-
-
 def test_print_has_the_colours_of_ink_and_paper() -> None:
     """Ink and paper of known luminance: the line goes through both, and is believed."""
     ink, paper = np.array([0.5, 0.1, 0.1]), np.array([0.7, 0.8, 0.6])
@@ -123,14 +114,6 @@ def test_what_is_clipped_is_on_no_line() -> None:
     lines = lines_of(scene, observe(scene, BAYER), clipping=5.0)
     assert not lines.share[:, 10:].any()
     assert lines.share[:, :8].min() > 0.9
-
-
-def test_what_many_blocks_agree_on_is_kept() -> None:
-    """Black print on tinted papers beside each other, eight blocks wide: they keep half of their colours."""
-    tint = 0.02 * np.where(np.arange(288) // 48 % 2, 1, -1)[:, None] * (1, 0, -1)
-    scene = printed((150, 288), BLACK, WHITE) * (1 + tint)
-    rgb, paper = render(observe(scene, BAYER), WITHOUT_NETWORK).rgb, strokes((150, 288))[..., 0] == 0
-    assert (without_mean(rgb) * tint)[paper].sum() > 0.5 * (without_mean(scene) * tint)[paper].sum()
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])

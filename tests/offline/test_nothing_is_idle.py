@@ -1,6 +1,5 @@
 """No dead knobs, no dead stages: each setting and each stage of the page is moved, and the picture changes."""
 
-import sys
 from dataclasses import fields, replace
 from typing import Any
 
@@ -15,7 +14,6 @@ from shared.errors import ConvergenceError, InputError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
 
-PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # Rounding does not move a picture as far as this; every setting and stage does.
 SEEN = 1e-4
 

@@ -1,19 +1,15 @@
 """Colour pinned at scattered sites: what it is wherever the picture is cut, and what it is for."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from offline import BEST, render
 from offline.measured import BlockSamples, Measured
 from offline.parts import Part, applied
 from offline.stages.correction import Missed
-from offline.stages.pinning import HALO, Pinned, Pinning, SiteRatios, pin_samples
+from offline.stages.pinning import Pinning
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from tests.offline.scenes import sampled, shot
@@ -53,37 +49,6 @@ def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height:
     found = [piece.chromaticity for piece in applied(pieces, Pinning(measured, measured.samples), 333)]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - part.chromaticity).max() > 0.1
-
-
-def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
-    mosaic = shot(KODAK, (301, 290), 0.02)
-    whole = render(mosaic).rgb
-    for _ in each_thread_count:
-        assert np.array_equal(render(mosaic).rgb, whole)
-
-
-def test_what_is_known_by_tile_lies_in_the_middle_of_each_tile() -> None:
-    """A ramp of chromaticity, and one of the share at which sites are trusted, are where they were."""
-    mosaic = shot(KODAK, (120, 132))
-    part, measured = pictured(mosaic)
-    samples = measured.samples
-    grid, inside = measured.grid, np.s_[30:-30, 30:-30]
-    middle = (grid.period - 1) / 2
-    rows, columns = np.indices(mosaic.shape)
-
-    def of_tiles(rows: Any, columns: Any) -> FloatArray:
-        return (0.1 + 0.003 * (np.asarray(rows)[:, None] + middle) + 0.002 * (np.asarray(columns) + middle)).astype(np.float32)
-
-    ramp = 0.1 + 0.003 * rows + 0.002 * columns
-    everywhere = np.ones((len(grid.whole_rows), len(grid.whole_columns)), np.float32)
-    measured.blocks[:] = of_tiles(grid.rows, grid.columns)[..., None]
-    tiles = samples.within(part)
-    found = Pinning(measured, samples)._base(part, everywhere, tiles)
-    assert np.abs(found - ramp[..., None])[inside].max() < 1e-4
-    measured.blocks[:] = 1
-    found = Pinning(measured, samples)._base(part, of_tiles(grid.whole_rows, grid.whole_columns), tiles)
-    expected = part.chromaticity + ramp[..., None] * (1 - part.chromaticity)
-    assert np.abs(found - expected)[inside].max() < 1e-4
 
 
 @pytest.mark.parametrize("letters", TILES)
@@ -133,30 +98,3 @@ def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
     assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6
-
-
-def test_fields_are_the_minimum_of_the_sum_of_squares() -> None:
-    """Of the docstring's, solved directly; a frame that is one tile."""
-    (height, width), (smoothness, fading, edge) = shape, prior = (HALO + 5, 30), (0.1, 1e-3, 0.3)
-    random = np.random.default_rng(0)
-    luminance, ratios = random.uniform(0.1, 1, shape), random.uniform(0.2, 0.5, shape)
-    channels, weights = random.integers(0, 4, shape), random.uniform(0, 1, shape)
-    base = random.uniform(0.2, 0.5, (*shape, 3))
-    place, laplacian = np.arange(height * width).reshape(shape), sparse.csr_array((height * width, height * width))
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = np.s_[: height - down, max(-right, 0) : width - max(right, 0)]
-        there = np.s_[down:, max(right, 0) : width + min(right, 0)]
-        tie = (smoothness / (1 + down * abs(right)) / (1 + ((luminance[here] - luminance[there]) / edge) ** 2)).ravel()
-        index = np.arange(tie.size)
-        ends = [sparse.csr_array((np.ones(tie.size), (index, place[end].ravel())), (tie.size, place.size)) for end in (here, there)]
-        difference = ends[0] - ends[1]
-        laplacian = laplacian + difference.T @ sparse.diags_array(tie) @ difference
-    result = Pinned(np.empty((*shape, 3), np.float32), np.empty(1), np.empty(1, np.intp))
-    planes = (plane.astype(np.float32) for plane in (luminance, base, ratios, weights))
-    light, start, *sites = planes
-    pin_samples(light, start, SiteRatios(channels.astype(np.uint8), *sites), (0, height), prior, result)
-    for channel in range(3):
-        weight = np.where(channels == channel, weights, 0).ravel()
-        right_side = weight * (ratios - base[..., channel]).ravel()
-        exact = spsolve((laplacian + sparse.diags_array(weight + fading)).tocsc(), right_side).reshape(shape)
-        assert np.abs(result.chromaticity[..., channel] - base[..., channel] - exact).max() < 1e-3 * np.abs(exact).max()

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from offline.settings import BEST
 from offline.stages.propagation import PropagationSettings, propagate
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
@@ -93,22 +92,3 @@ def test_is_a_convex_combination(pattern: CfaPattern, shape: tuple[int, int]) ->
     assert found.max() <= blocks.max() + FLOAT32
     even = mixed(np.full_like(blocks, 0.375), affinity, light, pattern)
     assert_close(even, np.full(even.shape, 0.375), FLOAT32)
-
-
-def test_brightness_does_not_matter() -> None:
-    pattern, shape = CASES["odd"]
-    blocks, affinity, light = case(pattern, shape)
-    for scale in (1e-12, 1e12):
-        assert_close(
-            mixed(blocks, affinity, light * np.float32(scale), pattern, BEST.propagation),
-            mixed(blocks, affinity, light, pattern, BEST.propagation).astype(np.float64),
-            FLOAT32,
-        )
-
-
-def test_inputs_are_left_as_they_were() -> None:
-    pattern, shape = CASES["odd"]
-    given = case(pattern, shape)
-    copies = [array.copy() for array in given]
-    mixed(*given, pattern)
-    assert all(np.array_equal(array, copy) for array, copy in zip(given, copies, strict=True))

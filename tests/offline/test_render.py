@@ -55,13 +55,6 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
     assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
 
 
-@pytest.mark.parametrize("case", ["odd", "five channels"])
-def test_equals_the_reference_from_sensor_codes(case: str) -> None:
-    mosaic = shot(*CASES[case])
-    coded = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
-    assert_close(render(coded, TIGHT).rgb, reference.render(coded, PAPER).rgb, FLOAT32)
-
-
 @every_case
 def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape)
@@ -92,14 +85,6 @@ def test_the_simulated_sensor_is_the_references() -> None:
         expected = observe(scene, pattern, gamma_of(pattern))
         found = simulate_additive(scene.astype(np.float32), pattern, expected.calibration, 0.0, np.random.default_rng(0))
         assert_close(found.signal, expected.signal, 1e-6)
-
-
-@pytest.mark.parametrize("sigma", [None, 0.0, 0.05])
-def test_a_black_scene_stays_black(sigma: float | None) -> None:
-    pattern, shape = CASES["odd"]
-    found = render(observe(np.zeros((*shape, 3)), pattern, gamma_of(pattern), sigma), PAPER)
-    assert not found.rgb.any()
-    assert np.isfinite(found.chromaticity).all()
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
@@ -137,12 +122,6 @@ def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_unit
             assert np.abs(render(mosaic, settings).rgb).max() < 0.2 if bits == 8 else 0.01
 
 
-def test_a_dark_shot_is_rendered_alike_from_codes_and_from_scene_units() -> None:
-    codes = np.random.default_rng(0).integers(256, 291, (60, 72)).astype(np.uint16)
-    dark = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
-    assert np.array_equal(render(dark, PAPER).rgb, render(dark.in_scene_units(), PAPER).rgb)
-
-
 @pytest.mark.parametrize("light", [0.5, 0.7])
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")])
@@ -168,16 +147,6 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
     found = render(simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST)
     assert np.isfinite(found.chromaticity).all()
     assert np.abs(found.rgb[:64]).max() < 1e-6
-
-
-@pytest.mark.parametrize("block", [("RG", "GB"), ("HIJ", "KLN", "OPQ"), ("HIJK", "LNOP")])
-@pytest.mark.parametrize("light", [1.0, 1.3, 8.0])
-def test_a_flat_scene_is_flat_however_bright_and_whatever_the_block(block: tuple[str, ...], light: float) -> None:
-    pattern = CfaPattern.with_block(block, 8)
-    colour = np.linspace(0.2, 1, len(pattern.channels), dtype=np.float32) * np.float32(light)
-    scene = np.broadcast_to(colour, (40, 45, len(colour)))
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(pattern.channels), 0.0, np.random.default_rng(0))
-    assert_close(render(mosaic, PAPER).rgb, scene, 1e-3 * light)
 
 
 def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -235,17 +204,6 @@ def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
     assert (PAPER.asks_for_codes, BEST.asks_for_codes) == (False, True)
     assert np.array_equal(render(burnt, PAPER).rgb, render(burnt.in_scene_units(), PAPER).rgb)
     assert not np.array_equal(render(burnt, UNLEARNED).rgb, render(burnt.in_scene_units(), UNLEARNED).rgb)
-
-
-def test_the_presets() -> None:
-    assert RenderSettings() == PAPER
-    assert (PAPER.denoising.strength, PAPER.pooling.passes, PAPER.noise.estimate) == (0, (), False)
-    assert PAPER.luminance.iterations == 50
-    assert PAPER.luminance.decay == 2**-0.25
-    assert PAPER.chromaticity.taps == 5
-    assert PAPER.refinement.strength == 40
-    mosaic = shot(*CASES["odd"])
-    assert np.array_equal(render(mosaic).rgb, render(mosaic, BEST).rgb)
 
 
 class Listener(Progress):

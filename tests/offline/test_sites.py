@@ -66,14 +66,6 @@ def test_a_block_is_unclipped_with_all_that_is_next_to_it(pattern: CfaPattern, s
     assert np.array_equal(unclipped_blocks(frame), expected)
 
 
-@every_case
-def test_settling_changes_luminance_at_colour_sites_alone(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    mosaic = shot(pattern, shape, 0.02)
-    light, clear = wrong_light(mosaic), pattern.panchromatic_mask(shape)
-    result = settled(mosaic, light)
-    assert np.array_equal(result[clear], light[clear])
-
-
 def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     mosaic = shot(BAYER, (90, 96), None)
     light, true, scene, grid = wrong_light(mosaic), true_light(mosaic), materials(mosaic.shape, 3), BAYER.grid(mosaic.shape)
@@ -129,15 +121,6 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     assert 0 < samples.unclipped.mean() < 1
     for place in samples.sites.places:
         assert ((result.luminance[place] == part.luminance[place]) == ~samples.unclipped).mean() > 0.99
-
-
-def test_gamma_only_scales_the_channels() -> None:
-    """A scene whose channels are divided by gamma is the same to a panchromatic sensor, and is corrected alike."""
-    scaled = np.array([0.5, 1.0, 2.0])
-    mosaic, other = (observe(materials((48, 48), 3) / gamma, BAYER, tuple(gamma.tolist())) for gamma in (np.ones(3), scaled))
-    part = render_of(mosaic)
-    result = corrected(replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32)), other)
-    assert_close(result.chromaticity * scaled, corrected(part, mosaic).chromaticity, 1e-5)
 
 
 def test_at_an_edge_without_luminance_none_is_invented() -> None:

@@ -43,12 +43,6 @@ def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
         assert np.array_equal(np.concatenate(found), at_once(mosaic, settings))
 
 
-@pytest.mark.parametrize(("pattern", "shape"), frames(6, 500, seed=5))
-def test_bands_of_any_pattern_are_the_whole(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    mosaic = shot(pattern, shape)
-    assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
-
-
 def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(2, 2)), (437, 60)
     whole = shot(pattern, shape)
@@ -57,12 +51,6 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
     mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
     assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
     assert not np.array_equal(render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb)
-
-
-def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
-    mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
-    assert max(end - first for first, end in bands(mosaic.pattern.grid(mosaic.shape))) == 120
-    assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
 @pytest.mark.parametrize("repetitions", [0, 1, 5, 45])
@@ -132,8 +120,3 @@ def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int
         assert np.array_equal(part.rows(first, end).chromaticity, colour[first:end])
         done = end
     assert done == height
-
-
-def test_windows_keep_no_more_than_they_need() -> None:
-    parts = (Part(first, np.zeros((10, 4), np.float32), np.zeros((10, 4, 3), np.float32)) for first in range(0, 1000, 10))
-    assert max(len(part.luminance) for part, _ in windows(parts, 1000, Look(12, 16))) <= 2 * 12 + 2 * 16 + 10

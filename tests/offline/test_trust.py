@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from offline import BEST, PAPER, render
 from offline.frame import Cleaned
 from offline.stages.highlights import clipping_level
-from offline.stages.trust import in_keeping, trust_in_blocks, with_trusted_colour
+from offline.stages.trust import trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, shot
@@ -73,15 +73,6 @@ def test_over_exposed_print_is_neutral(light: float) -> None:
     scene = (np.asarray(page, np.float32)[..., None] / 255) ** 2.2 * np.array(NEUTRAL) * light
     balanced = render(exposed(scene.astype(np.float32)), BEST).rgb / np.array(NEUTRAL)
     assert np.quantile(np.ptp(balanced, axis=2), 0.99) < 0.4  # 0.8 and 1.4 if blocks that contradict their neighbours are trusted
-
-
-def test_a_block_is_in_keeping_with_those_around_it_unless_it_is_darker() -> None:
-    total = np.full((9, 9), 4.0)
-    total[2, 2], total[6, 6] = 3.0, 5.0
-    alike = in_keeping(total)
-    assert alike[2, 2] < 0.05
-    assert np.delete(alike.ravel(), 2 * 9 + 2).min() > 0.6
-    assert np.array_equal(in_keeping(np.zeros((3, 3))), np.ones((3, 3)))
 
 
 def test_a_saturated_light_vouches_for_its_colour() -> None:

@@ -168,7 +168,7 @@ def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
     installed = {name: found for name in _OPENCV if (found := package_version(name))}
     if not installed:
-        yield Finding("OpenCV", MISSING, "not installed: calibrate (finding a chart)", ALL)
+        yield Finding("OpenCV", MISSING, "not installed: burst, calibrate (finding a chart)", ALL)
         return
     said = " and ".join(f"{name} {found}" for name, found in installed.items())
     remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, SolverLog, render
+from offline import BEST, PAPER, render
 from offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
-from offline.burst.colour import TOLERANCE, relit_sites
-from offline.burst.merge import denoised
+from offline.burst.colour import relit_sites
 from offline.frame import BlockSums, Cleaned
-from offline.stages.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
@@ -21,7 +19,6 @@ from .scenes import SHAPE, light
 
 SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -1.7)]
 ROUNDING, ROUNDING_IN_STEPS = 1e-4, 1e-2  # the latter of the network for colour, with its 8 bits
-ITERATED = 2e-3  # the iteration of luminance (Eqs. 3-5) stops at a change in scene units
 MOTIONS = [Motion(shift) for shift in SHIFTS]
 STEPS = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
 STAGES = replace(BEST, learned=PAPER.learned)  # the network for colour has units and steps of its own
@@ -146,16 +143,6 @@ def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(noise: tuple[fl
     assert np.median(merged.shares) > 0.02
 
 
-def test_the_solver_of_colours_is_heard() -> None:
-    log = SolverLog()
-    merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
-    for _ in render_burst_bands(merged, progress=log):
-        pass
-    solved = log.solvers["samples"]
-    assert 0 < solved.residual <= TOLERANCE
-    assert solved.iterations > 10
-
-
 def test_a_solver_that_does_not_converge_says_so() -> None:
     merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
     spoilt = replace(merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan)))
@@ -171,7 +158,7 @@ def test_memory_grows_with_the_frames() -> None:
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
 
 
-@pytest.mark.parametrize("scale", [2.0**-4, 0.5, 2.0**7])
+@pytest.mark.parametrize("scale", [2.0**-4, 2.0**7])
 def test_a_burst_of_other_light_is_that_burst(scale: float) -> None:
     frames = shots(0.0, MOTIONS[:3])
     scaled = [replace(frame, samples=frame.signal * np.float32(scale)) for frame in frames]
@@ -179,36 +166,15 @@ def test_a_burst_of_other_light_is_that_burst(scale: float) -> None:
     assert np.sqrt(np.square(found / scale - expected).mean()) < 0.02
 
 
-def test_a_black_area_has_a_picture_in_a_burst() -> None:
-    frames = [
-        replace(frame, samples=np.where(np.arange(SHAPE[0])[:, None] < 70, 0, frame.signal)) for frame in shots(0.0, MOTIONS[:2])
-    ]
-    assert np.isfinite(np.concatenate(list(render_burst_bands(merge_burst(frames))))).all()
-
-
 def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
     merged = merge_burst(shots(0.0, MOTIONS[:1]))
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    for module in ("offline.burst.colour", "offline.stages.affinity"):
+    for module in ("offline.numerics.linked", "offline.stages.affinity"):
         monkeypatch.setattr(f"{module}.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
-
-
-def test_luminance_is_denoised_by_what_merging_has_left_and_where_one_frame_is_alone_by_all_of_it() -> None:
-    (frame,) = shots(0.02, MOTIONS[:1])
-    noisy = frame.signal.copy()
-    shares = np.full(frame.shape, 0.25, np.float32)
-    shares[:, :100] = 1.0
-    found, half = denoised(noisy, shares, frame, BEST), NoiseModel.gaussian(0.01, 4)
-    expected = (
-        denoise_luminance(noisy, each, BEST.denoising)
-        for each in (frame, replace(frame, calibration=replace(frame.calibration, noise=half)))
-    )
-    for side, picture in zip((np.s_[:, :100], np.s_[:, 100:]), expected, strict=True):
-        assert np.abs(found[side] - picture[side]).max() < 1e-6
 
 
 def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:

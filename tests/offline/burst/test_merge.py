@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from offline.burst import Motion, in_reference
-from offline.burst.align import Motions
-from offline.burst.merge import Frames, merge, samples_in
+from offline.burst.merge import Frames, merge
+from offline.burst.motion import Motions
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.offline.burst.scenes import pixels
@@ -93,23 +93,6 @@ def scaled(shape: tuple[int, int], share: float) -> FloatArray:
     nodes = np.zeros((2, 2, 2), np.float32)
     nodes[1, :, 0], nodes[:, 1, 1] = share * shape[0], share * shape[1]
     return nodes
-
-
-@pytest.mark.parametrize("share", [0.2, -0.2])
-def test_no_sample_is_lost_where_a_frame_sees_a_part_of_the_scene_larger_or_smaller(share: float) -> None:
-    """Each panchromatic sample that lies in the area is there once, whatever local shifts do to the distances between them."""
-    shape, frames, nodes = (60, 84), 3, scaled((60, 84), share)
-    motions = [Motion(), Motion(local=nodes), Motion((1.3, -0.6), local=nodes - nodes.mean(axis=(0, 1)))]
-    planes = np.random.default_rng(0).random((frames, *shape), np.float32)
-    area, whole = (12, 40, 20, 70), np.tile([0, shape[0], 0, shape[1]], (frames, 1))
-    samples = samples_in(arguments(planes, motions=motions), area, whole)
-    expected = list[float]()
-    for plane, motion in zip(planes, motions, strict=True):
-        y, x = places(motion, shape)
-        inside = (y >= area[0]) & (y <= area[1] - 1) & (x >= area[2]) & (x <= area[3] - 1)
-        expected += plane[inside & PATTERN.panchromatic_mask(shape)].tolist()
-    assert sorted(samples[:, 2].tolist()) == sorted(expected)
-    assert len(expected) > 2.5 * PATTERN.panchromatic_mask(shape)[12:40, 20:70].sum() * (1 + min(share, 0)) ** 2
 
 
 @pytest.mark.parametrize("share", [0.2, -0.2])

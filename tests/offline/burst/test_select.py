@@ -84,11 +84,6 @@ def test_frames_of_other_sensitivities_have_their_own_noise() -> None:
     assert sigmas(*frames) == pytest.approx([0.02, 0.05, 0.02], rel=0.1)
 
 
-def test_a_frame_without_a_calibration_has_the_noise_of_the_others() -> None:
-    known = model(1e-4, 0.03)
-    assert noise_models([frame(1, 0.02), frame(2, 0.02, known)], PAPER.noise) == [known, known]
-
-
 def test_a_frame_that_is_said_to_be_free_of_noise_does_not_speak_for_those_that_say_nothing() -> None:
     assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02), frame(3, 0.02)) == pytest.approx([0.02] * 3, rel=0.1)
     assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02, model(0, 0))) == [0, 0]

@@ -1,0 +1,47 @@
+"""Fields that fit samples, against what SciPy solves directly."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from offline.numerics.linked import TILE, Extent, Prior, Samples, fitted
+from shared.arrays import DoubleArray
+from shared.progress import SILENT
+
+PRIOR = Prior(0.1, 1e-3, 0.3)
+HALO = 16
+
+
+def laplacian(luminance: DoubleArray) -> sparse.csr_array:
+    """The prior of the docstring as a matrix."""
+    (height, width), place = luminance.shape, np.arange(luminance.size).reshape(luminance.shape)
+    total = sparse.csr_array((place.size, place.size))
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = np.s_[: height - down, max(-right, 0) : width - max(right, 0)]
+        there = np.s_[down:, max(right, 0) : width + min(right, 0)]
+        steps = (luminance[here] - luminance[there]) / PRIOR.edge
+        tie = (PRIOR.smoothness / (1 + down * abs(right)) / (1 + steps**2)).ravel()
+        ends = [
+            sparse.csr_array((np.ones(tie.size), (np.arange(tie.size), place[end].ravel())), (tie.size, place.size))
+            for end in (here, there)
+        ]
+        difference = ends[0] - ends[1]
+        total = total + difference.T @ sparse.diags_array(tie) @ difference
+    return total
+
+
+@pytest.mark.parametrize("fields", [2, 3, 5])
+@pytest.mark.parametrize("shape", [(HALO + 5, 30), (TILE + 8, 20), (20, TILE + 8)])
+def test_fields_are_the_minimum_of_the_sum_of_squares(fields: int, shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(0)
+    luminance, weights = random.uniform(0.1, 1, shape), random.uniform(0, 1, (fields, *shape))
+    weights *= random.uniform(0, 1, weights.shape) < 0.5
+    products = weights * random.uniform(-0.5, 0.5, weights.shape)
+    light, *samples = (plane.astype(np.float32) for plane in (luminance, weights, products))
+    found = fitted(light, Samples(*samples), PRIOR, Extent(0, shape[0], HALO, 1e-5), "", SILENT)
+    for weight, product, field in zip(weights, products, found, strict=True):
+        matrix = laplacian(luminance) + sparse.diags_array(weight.ravel() + PRIOR.fading)
+        exact = spsolve(matrix.tocsc(), product.ravel()).reshape(shape)
+        assert np.abs(field - exact).max() < 1e-2 * np.abs(exact).max()  # tiles end at their halo
+        assert np.abs(field - exact)[:8, :8].max() < 1e-3 * np.abs(exact).max()
