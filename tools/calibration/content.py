@@ -84,11 +84,6 @@ class Content:
         """Part of the panchromatic samples that are clipped."""
         return float((self._clear >= CLIPPED).mean())
 
-    @property
-    def reading(self) -> str:
-        """What the brightest places read, for people."""
-        return f"its brightest places read {100 * max(self.brightest, 0):.1f} % of full scale"
-
 
 def check_dark(mosaic: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark shows a scene or an evenly lit surface."""
@@ -113,21 +108,17 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
         )
 
 
-def why_no_chart(mosaic: Mosaic, *, found: bool) -> str:
-    """Return why a frame shows no chart that can be measured, by what it shows instead; "" if that is nothing in particular.
-
-    found: whether it does show a chart, at least.
-    """
+def why_no_chart(mosaic: Mosaic) -> str:
+    """Return why a frame shows no chart that can be measured, by what it shows instead; "" if that is nothing in particular."""
     content = Content(mosaic)
-    if content.is_dark(black_measured=False) and content.is_dim:
-        return "no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by `dark`"
     if content.is_dim:
-        return f"it is too dark for a chart: {content.reading}; expose more, so that white reads about three quarters"
-    if found:
-        return ""
+        if content.is_dark(black_measured=False):
+            return "no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by `dark`"
+        reading = f"its brightest places read {100 * max(content.brightest, 0):.1f} % of full scale"
+        return f"it is too dark for a chart: {reading}; expose more, so that white reads about three quarters"
     if content.clipped > _OVEREXPOSED:
         part = f"{100 * content.clipped:.0f} % of its panchromatic samples are clipped"
-        return f"no ColorChecker was found: it is over-exposed: {part}; expose less, so that white reads about three quarters"
+        return f"it is over-exposed: {part}; expose less, so that white reads about three quarters"
     if content.is_even:
         return "no ColorChecker was found: it shows an even surface; a flat frame, or a folder of them, is given by `flat`"
     return ""

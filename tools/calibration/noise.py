@@ -159,7 +159,8 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     first, second = pairs[-1]
     dead, blind = _dead(levels[first] + levels[second], levels[first] - levels[second], planes)
-    return FlatResult(len(pairs), PlaceSamples(mean, variance, count, np.zeros(len(mean), bool)), dead, blind), unpaired
+    places = PlaceSamples(mean, variance, count, np.zeros(len(mean), bool), np.zeros((len(mean), 2)))
+    return FlatResult(len(pairs), places, dead, blind), unpaired
 
 
 def noise_of_flats(

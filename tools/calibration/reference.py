@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -15,7 +14,6 @@ from tools.io.colour_difference import delta_e_2000
 
 from .chart.place import COLUMNS, NAMES, PATCHES
 
-_TI3 = Path(__file__).with_name("chart.ti3")  # CGATS requires its declarations (KEYWORD) of non-standard keywords
 _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
@@ -127,21 +125,6 @@ def _check_light(text: str) -> None:
     for said, remedy in ((_LIGHT.search(header), "D50"), (_OBSERVER.search(header), "2 degrees")):
         if said:
             raise InputError(f"says {' '.join(said[0].split())}; its colours have to be for {remedy}")
-
-
-def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
-    """Return a .ti3 file, from which Argyll's colprof makes a profile.
-
-    reference: (24, 3), XYZ (D50), white = 1.
-    camera: (24, 3), camera RGB, 1 = white.
-
-    colprof accepts device values from 0 to 100. A camera's values have no fixed scale: if one exceeds 1, all are scaled down.
-    """
-    camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
-    rows = []
-    for index, values in enumerate(100 * np.concatenate([reference, camera], axis=1)):
-        rows.append(" ".join([_name(index), *(f"{value:.6f}" for value in values)]))
-    return Template(_TI3.read_text("utf-8")).substitute(number=PATCHES, rows="\n".join(rows))
 
 
 def _table(text: str) -> tuple[list[str], list[list[str]]]:

@@ -2,42 +2,125 @@
 
 import json
 from collections.abc import Callable, Mapping
-from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tools.batch.html import bullets
-from tools.batch.html import report as page
+import numpy as np
 
-from .measure import Conclusion
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ
+from tools.io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
+from tools.io.page import embed_picture, embed_plot, render_page
 
-_STYLE = Path(__file__).with_name("report.css")
+from .chart.place import NAMES
+from .conclude import Result
+from .noise import SIGMAS, NoiseResult
+from .parts.colour import ChartColours
+from .samples import figures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_TEMPLATE = Path(__file__).with_name("report.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
+_PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
+_OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def report(conclusion: Conclusion, provenance: Mapping[str, str], worded: Callable[[str], str] = str) -> bytes:
+def write_report(result: Result, provenance: Mapping[str, str], worded: Callable[[str], str] = str) -> bytes:
     """Return the content of the page's file.
 
-    provenance: date, program, ...
-    worded: puts messages into the reader's words, see `Console.worded`.
+    Parameters
+    ----------
+    result
+        Of the calibration.
+    provenance
+        Date, program, ...
+    worded
+        Puts messages into the reader's words.
     """
-    camera, warnings = conclusion.camera, [*conclusion.contradictions, *conclusion.warnings]
-    sections: dict[str, str] = {}
-    for part in conclusion.parts:
-        sections |= part.sections()
-    sections["Skipped files"] = bullets(map(worded, conclusion.evidence.seen.skipped))
-    if camera:
-        text = escape(json.dumps(camera.to_json(), indent=1, ensure_ascii=False))
-        sections["camera.json"] = f"<details><summary>Content, id {camera.calibration.id}</summary><pre>{text}</pre></details>"
-    facts = [conclusion.refusal, *(part.headline for part in conclusion.parts)]
-    if not (conclusion.refusal or warnings):
-        facts.append("There are no warnings.")
-    return page(
-        f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        ", ".join(provenance.values()),
-        conclusion.verdict.capitalize(),
-        _TONES[conclusion.verdict],
-        sections,
-        facts=[worded(" ".join(filter(None, facts)))],
-        remarks=map(worded, warnings),
-        css=_STYLE.read_text("utf-8"),
+    camera, seen, parts = result.camera, result.seen, result.parts
+    found = {name: part.result for name, part in parts.items() if part.result is not None}
+    return render_page(
+        _TEMPLATE,
+        title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
+        made=", ".join(provenance.values()),
+        verdict=result.verdict.capitalize(),
+        tone=_TONES[result.verdict],
+        refusal=worded(result.refusal),
+        warnings=[worded(line) for line in (*result.contradictions, *result.warnings)],
+        skipped=[worded(line) for line in seen.skipped],
+        planes=seen.planes,
+        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
+        gamma=found.get("gamma"),
+        residuals=embed_plot(lambda axes: _plot_residuals(axes, result)) if "gamma" in found else "",
+        colours=[(chart, _patches(chart), _differences(chart), _glow(chart.fit.light)) for chart in found.get("colour", ())],
+        noise=found.get("noise"),
+        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes)) if "noise" in found else "",
+        dark=seen.dark,
+        shading=seen.shading,
+        camera=camera,
+        document=json.dumps(camera.to_json(), indent=1, ensure_ascii=False) if camera else "",
+        figures=figures,
+        sigmas=SIGMAS,
+        zip=zip,
     )
+
+
+def _plot_residuals(axes: "Axes", result: Result) -> None:
+    """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were left out are crosses."""
+    colours = _css_colours(xyz_to_lab(result.seen.chart_colours))
+    for shot in result.seen.shots:
+        percent = 100 * (shot.fit.predicted / np.maximum(shot.fit.level, 1e-9) - 1)
+        for used, marker in ((shot.fit.used, "o"), (~shot.fit.used, "X")):
+            shown = [colour for colour, here in zip(colours, used, strict=True) if here]
+            axes.scatter(shot.fit.level[used], percent[used], 38, shown, marker, edgecolors="#1f1f1c", linewidths=0.6)
+    axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
+    axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
+
+
+def _plot_transfer(axes: "Axes", noise: NoiseResult, planes: str) -> None:
+    """Plot variance over mean, with a line per plane."""
+    for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
+        colour, mean = _PLANES.get(letter, _OTHER), noise.points.mean[:, plane]
+        axes.scatter(mean, noise.points.variance[:, plane], 12, colour, alpha=0.6)
+        steps = np.geomspace(max(mean.min(), 1e-5) / 1.5, max(mean.max(), 1e-4) * 1.5, 40)
+        axes.plot(steps, line.variance(steps), color=colour, label=letter)
+    axes.set(xlabel="mean, part of full scale", ylabel="variance", xscale="log", yscale="log")
+    axes.legend()
+
+
+def _patches(chart: ChartColours) -> list[tuple[str, float, tuple[str, ...]]]:
+    """Return of each patch its name, its dE2000, and its colours: before, after, reference."""
+    versions = [chart.fit.lab, chart.fit.reference]
+    if chart.before is not None:
+        versions.insert(0, chart.before)
+    stripes = zip(*map(_css_colours, versions), strict=True)
+    return list(zip(NAMES, chart.fit.difference.tolist(), stripes, strict=True))
+
+
+def _differences(chart: ChartColours) -> list[tuple[str, str, str]]:
+    """Return mean and maximum of dE2000 before, after, and with each patch predicted from the others."""
+    fit, rows = chart.fit, []
+    if chart.before is not None:
+        name = "before (only white balance, or the shot's own matrix)"
+        rows.append((name, delta_e_2000(chart.before, fit.reference)))
+    rows += [
+        ("matrix, light treated as even", fit.plain),
+        ("matrix, corrected for uneven light", fit.difference),
+        ("the same, each patch predicted from the others", fit.left_out),
+    ]
+    return [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in rows]
+
+
+def _glow(light: DoubleArray) -> list[tuple[float, int]]:
+    """Return the light on each patch, and its lightness on the page, per cent."""
+    bright = 45 + 45 * np.clip((light - light.min()) / max(float(np.ptp(light)), 0.1), 0, 1)
+    return list(zip(light.tolist(), np.rint(bright).astype(int).tolist(), strict=True))
+
+
+def _css_colours(lab: DoubleArray) -> list[str]:
+    """Return CSS colours for L*a*b* (N, 3): sRGB, clipped."""
+    encoded = encode_srgb((lab_to_xyz(lab) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T).astype(np.float32))
+    return ["#" + "".join(f"{round(255 * value):02x}" for value in row) for row in encoded.tolist()]

@@ -21,7 +21,7 @@ from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.shading import basis
 
-from .frame_sets import check_alike, common_focal_length, mean_of_unclipped
+from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
 from .samples import robust_deviation
 
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48  # periods along a side of a tile, at least, and tiles along an axis
