@@ -109,7 +109,7 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
 
 
 def why_no_chart(mosaic: Mosaic) -> str:
-    """Return why a frame shows no chart that can be measured, by what it shows instead; "" if that is nothing in particular."""
+    """Return why a frame shows no chart, by what it shows instead; "" if that is nothing in particular."""
     content = Content(mosaic)
     if content.is_dim:
         if content.is_dark(black_measured=False):

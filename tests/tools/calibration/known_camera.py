@@ -1,6 +1,6 @@
 """A camera whose truth is known, for tests: its frames, and where the built-in chart lies in them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -79,6 +79,14 @@ def save(path: Path, mosaic: Mosaic) -> Path:
     """Write the frame as a DNG with a black preview."""
     write_dng(path, mosaic, np.zeros((20, 30, 3), np.uint8))
     return path
+
+
+def cgats(values: ArrayLike, columns: str = "XYZ_X XYZ_Y XYZ_Z", names: Sequence[str] = (), header: str = "CTI3") -> str:
+    """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
+    names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
+    rows = [" ".join([name, *(f"{value:.6f}" for value in row)]) for name, row in zip(names, np.asarray(values), strict=True)]
+    begin = f"{header}\nBEGIN_DATA_FORMAT\nSAMPLE_ID {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
+    return begin + "\n".join(rows) + "\nEND_DATA\n"
 
 
 def true_place() -> ChartPlace:

@@ -47,7 +47,7 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
-        gamma = outcome.evidence.gamma
+        gamma = outcome.seen.gamma
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
@@ -73,7 +73,7 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
 
 def test_blue_light_is_called_blue() -> None:
     outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    (shot,) = outcome.evidence.seen.shots
+    (shot,) = outcome.seen.shots
     assert shot.calibration.black_level == outcome.camera.calibration.black_level  # that of the dark frames
     said = " ".join(outcome.warnings)
     assert re.search("the light is strongly coloured: on grey R reads 5 % of what B does.*take white light", said)

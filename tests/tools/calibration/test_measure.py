@@ -1,4 +1,4 @@
-"""From observations to a camera: what is measured replaces what was known, and what was not measured stays."""
+"""From measurements to a camera: what is measured replaces what was known, and what was not measured stays."""
 
 import re
 from dataclasses import replace
@@ -12,10 +12,10 @@ from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
+from tools.calibration.conclude import conclude
 from tools.calibration.dark_frames import DarkResult
-from tools.calibration.measure import conclude
+from tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
 from tools.calibration.noise import FlatResult
-from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
 from tools.simulation.sensor import simulate_sensor
@@ -26,7 +26,7 @@ BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green a
 DARKER = darker_corners(SHAPE)
 DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
 LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
-FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool)), ())
+FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool), np.zeros((3, 2))), ())
 
 
 def on_chart(taken: Mosaic) -> ShotMeasurement:
@@ -44,8 +44,8 @@ def base_of(**says: Any) -> Mosaic:
 
 
 def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **seen: Any) -> Camera:
-    """The camera of these observations, on frames whose calibration says this."""
-    outcome = conclude(Observations(base_of(**(says or {})), **seen), REFERENCE, old=old)
+    """The camera of these measurements, on frames whose calibration says this."""
+    outcome = conclude(Measurements(REFERENCE, base_of(**(says or {})), old, **seen))
     assert outcome.camera is not None, outcome.refusal
     return outcome.camera
 
@@ -79,7 +79,7 @@ def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
 @pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
     other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
-    outcome = conclude(Observations(base_of(), DARK, FLAT, [shot()]), other)
+    outcome = conclude(Measurements(other, base_of(), dark=DARK, flats=FLAT, shots=[shot()]))
     assert outcome.verdict == verdict
     assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
 
@@ -90,7 +90,7 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
     """Even where correcting the colours for it works."""
     slope = np.linspace(1, 1 / brighter, chart().shape[axis])
     taken = frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))
-    outcome = conclude(Observations(base_of(), DARK, FLAT, [on_chart(taken)]), REFERENCE)
+    outcome = conclude(Measurements(REFERENCE, base_of(), dark=DARK, flats=FLAT, shots=[on_chart(taken)]))
     assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
     assert any("the light on the chart is uneven" in line for line in outcome.warnings) == (brighter > 1)
 
@@ -106,6 +106,6 @@ def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
     taken = replace(simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says)
-    np.testing.assert_allclose(on_chart(taken).fits[0].gamma, TRUTH.gamma, rtol=0.02)
+    np.testing.assert_allclose(on_chart(taken).fit.gamma, TRUTH.gamma, rtol=0.02)
     with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
         on_chart(replace(taken, pattern=wrong))

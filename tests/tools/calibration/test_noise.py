@@ -1,6 +1,5 @@
-"""Black level, noise and defects from dark and flat frames: what they show, and which of them are refused, copies too."""
+"""Black level, noise and defects from dark and flat frames: what they show, and which of them are refused."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,11 +9,10 @@ import pytest
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
+from tools.calibration.conclude import Result, conclude
 from tools.calibration.dark_frames import measure_dark
-from tools.calibration.frame_sets import DARK_ALIKE, FLAT_ALIKE, refuse_copies
-from tools.calibration.measure import Conclusion, conclude
+from tools.calibration.measure import Measurements
 from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
-from tools.calibration.observations import Observations
 from tools.simulation.sensor import simulate_sensor
 
 SHAPE = (240, 360)
@@ -30,9 +28,9 @@ def flats(*levels: float) -> list[Mosaic]:
     return [frame(level * FALLING, seed=100 * number + half) for number, level in enumerate(levels) for half in range(2)]
 
 
-def concluded(base: Mosaic, *seen: Any) -> Conclusion:
+def concluded(base: Mosaic, *seen: Any) -> Result:
     """What dark frames and flat frames, measured, mean for a camera."""
-    return conclude(Observations(base, *seen), REFERENCE)
+    return conclude(Measurements(REFERENCE, base, None, *seen))
 
 
 def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
@@ -196,54 +194,3 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
             np.array(each) for each in (getattr(camera.calibration.noise, name), camera.measured["noise"][f"{name}_error"])
         )
         assert (np.abs(found * FULL / 3 - getattr(NOISE, name)) < most * 1.96 * errors).all()
-
-
-SMALL = (120, 180)
-RANDOM = np.random.default_rng(0)
-LEVELS = {"dark": (0.0, DARK_ALIKE), "flat": (0.5, FLAT_ALIKE)}
-EDITS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "the same": lambda codes: codes,
-    "some pixels": lambda codes: np.where(RANDOM.random(codes.shape) < 0.02, 300, codes),
-    "scaled": lambda codes: 1.02 * codes,
-    "one code more": lambda codes: codes + 1,
-    "tenth of the codes off by one": lambda codes: codes + (RANDOM.random(codes.shape) < 0.1),
-    "less than rounding": lambda codes: codes + RANDOM.uniform(-0.6, 0.6, codes.shape),
-    "other light": lambda codes: codes + np.linspace(0, 30, codes.shape[1]),
-    "rows of their own": lambda codes: codes + RANDOM.normal(0, 3, (codes.shape[0], 1)),
-}
-
-
-def taken(level: float, seed: int) -> Mosaic:
-    return frame(np.full((*SMALL, 3), level), seed=seed)
-
-
-@pytest.mark.parametrize("kind", LEVELS)
-@pytest.mark.parametrize("edit", EDITS)
-def test_a_copy_is_refused_whatever_was_done_to_it(kind: str, edit: str) -> None:
-    level, alike = LEVELS[kind]
-    first = taken(level, 1)
-    frames = [("a.dng", first), ("b.dng", taken(level, 2)), ("c.dng", edited(first, EDITS[edit]))]
-    with pytest.raises(InputError, match=r"c.dng and a.dng have the same noise"):
-        refuse_copies(frames, alike)
-
-
-@pytest.mark.parametrize("kind", LEVELS)
-def test_frames_taken_one_by_one_pass_with_their_fixed_pattern(kind: str) -> None:
-    level, alike = LEVELS[kind]
-    hot = RANDOM.random(SMALL) < 0.002
-    columns, response = RANDOM.normal(0, 2, SMALL[1]), RANDOM.normal(1, 0.01, SMALL)
-
-    def pattern(codes: np.ndarray) -> np.ndarray:
-        return np.where(hot, 900, 256 + (codes - 256) * response + columns)
-
-    refuse_copies([(str(seed), edited(taken(level, seed), pattern)) for seed in range(4)], alike)
-
-
-def test_small_frames_and_frames_without_noise() -> None:
-    tiny = [(str(seed), frame(np.full((8, 8, 3), 0.5), seed=seed)) for seed in range(3)]
-    refuse_copies(tiny, FLAT_ALIKE)
-    black = Mosaic(np.full(SMALL, 256, np.uint16), CfaPattern.bayer(), BLIND)
-    with pytest.raises(InputError, match="same noise"):
-        refuse_copies([("a", black), ("b", black)], DARK_ALIKE)
-    with pytest.raises(InputError, match="180 x 120 pixels, 0 8 x 8"):
-        refuse_copies([tiny[0], ("b", black)], DARK_ALIKE)

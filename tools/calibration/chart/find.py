@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
 from shared import Mosaic
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.colorimetry import Matrix, as_rows
 from shared.errors import InputError
 from tools.simulation.perspective import apply_homography, homography, rectangle
@@ -18,10 +18,15 @@ from ..colour_matrix import fit_colour, grey_row_fault
 from .picture import linear_picture, shown_picture
 from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
 
-# Pictures that are searched, the likeliest first. Of 130 charts drawn at random and 12 shots of photographs, the first pair
-# finds 9 in 10, all together find one more in 20 (see README).
-_SIZES = (1000, 600, 1600, 2500)  # pixels of the longer side
-_CURVES = ((2.2, 0.99), (3.2, 0.95))  # exponent of the tone curve; quantile of the levels that is shown as white
+# Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve, quantile of the levels that is
+# shown as white; `adaptiveThreshConstant` and `B0factor` of cv2.mcc. The last two find charts of 15 to 20 pixels per patch.
+_SEARCHES = (
+    (1000, 2.2, 0.99, 7, 1.25),
+    (1600, 3.2, 0.95, 7, 1.25),
+    (600, 2.2, 0.99, 7, 1.25),
+    (2500, 3.2, 0.95, 3, 1.6),
+    (3600, 3.2, 0.95, 3, 1.6),
+)
 _BOX = 0.25 / 2.75 / 2  # of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart
 # Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement too; walls are above 15.
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
@@ -70,8 +75,8 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
     """
     picture, period = linear_picture(mosaic), mosaic.pattern.period
     why = ""
-    for size, (exponent, white) in product(_SIZES, _CURVES):
-        for place in _proposed(shown_picture(picture, exponent, white), size):
+    for size, exponent, white, threshold, factor in _SEARCHES:
+        for place in _proposed(shown_picture(picture, exponent, white), size, threshold, factor):
             turned = ChartPlace(as_rows(np.roll(place.corners, 2, axis=0)))
             differences = [_difference(picture, each, reference) for each in (place, turned)]
             if min(differences) > _WORTH_REFINING:
@@ -110,8 +115,8 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
         )
 
 
-def _proposed(shown: np.ndarray, size: int) -> Iterator[ChartPlace]:
-    """Yield the places that cv2.mcc finds in a uint8 picture (H, W, 3), after scaling its longer side to `size`."""
+def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> Iterator[ChartPlace]:
+    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side; see `_SEARCHES`."""
     import cv2
 
     scale = size / max(shown.shape[:2])
@@ -119,6 +124,9 @@ def _proposed(shown: np.ndarray, size: int) -> Iterator[ChartPlace]:
     small = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=method)
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)
+    settings = cv2.mcc.DetectorParametersMCC()
+    settings.adaptiveThreshConstant, settings.B0factor = threshold, factor
+    detector.setDetectionParams(settings)
     try:
         found = detector.process(small, nc=2)
     except cv2.error:  # an assertion of OpenCV 5.0 fails on some walls of bricks
