@@ -5,7 +5,6 @@
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -210,15 +209,18 @@ class Session:
             if "black_level" in old.measured:
                 self._known["black_level"] = old.calibration.black_level
         self._paths: dict[bytes, tuple[str, str]] = {}  # digest of the samples -> path, kind
-        self._base_path = ""
+        self._base_path, self._has_shot = "", False
         self.seen = Measurements(chart_colours, old=old)
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
         frames = self._unshaded(paths, "dark", check_dark)
         if frames:
-            with self._skipping(paths):
+            try:
                 dark = self.seen.dark = measure_dark([mosaic for _, mosaic in frames])
+            except InputError as error:
+                self._skip(paths, error)
+            else:
                 self._known["black_level"] = tuple(dark.black.tolist())
                 self._console.say(dark.words)
                 path, first = frames[0]
@@ -233,9 +235,8 @@ class Session:
         measured = "black_level" in self._known
         frames = self._unshaded(paths, "flat", lambda mosaic: check_flat(mosaic, black_measured=measured))
         if frames:
-            with self._skipping(paths):
-                self._measure_shading(frames)
-                self._measure_noise(frames)
+            self._measure_shading(frames)
+            self._measure_noise(paths, frames)
 
     def _measure_shading(self, frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the shading of flat frames; what a shot states of its shading does not count any more."""
@@ -250,7 +251,7 @@ class Session:
             self._known["shading"] = self.seen.shading.shading
             self._console.say(self.seen.shading.words)
 
-    def _measure_noise(self, frames: list[tuple[str, Mosaic]]) -> None:
+    def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
         try:
             flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
@@ -259,8 +260,9 @@ class Session:
             noise_of_flats(flats, calibration, self.seen.dark, self.seen.assumed(calibration).black)
         except InputError as error:
             if self.seen.shading is None:
-                raise
-            self.seen.remarks.append(f"no noise was measured: {error}")
+                self._skip(paths, error)
+            else:
+                self.seen.remarks.append(f"no noise was measured: {error}")
             return
         self.seen.flats = flats
         for index in unpaired:
@@ -329,7 +331,12 @@ class Session:
             which = f"it is given twice, as {before} and as {kind}" if first == path else f"it is the same shot as {first}"
             raise InputError(f"{which}: a copy adds nothing; leave it out")
         self._paths[digest] = path, kind
-        self._keep_statements(path, stated, mosaic)
+        self.seen.stated_defects |= set(stated.defects)
+        if self.seen.base is None:
+            self._base_path = path
+        if self.seen.base is None or (kind == "shot" and not self._has_shot):
+            self.seen.base = mosaic  # a shot of the chart states colours and noise, where others may not
+        self._has_shot |= kind == "shot"
         return mosaic, stated
 
     def _check_same(self, mosaic: Mosaic, kind: str) -> None:
@@ -346,20 +353,6 @@ class Session:
                     "with the same settings"
                 )
 
-    def _keep_statements(self, path: str, stated: SensorCalibration, mosaic: Mosaic) -> None:
-        """Take over what a frame states of its camera, where the frames before do not; defects of all frames count."""
-        self.seen.stated_defects |= set(stated.defects)
-        if self.seen.base is None:
-            self.seen.base, self._base_path = mosaic, path
-            return
-        base, own = self.seen.base.calibration, mosaic.calibration
-        more: dict[str, Any] = {"shading": base.shading or own.shading, "aberration": base.aberration or own.aberration}
-        if base.noise is None and own.noise is not None:
-            more["noise"] = own.noise.in_units_of(own.full_scale / base.full_scale)
-        if base.camera_to_xyz is None and base.neutral is None:
-            more |= {name: getattr(own, name) for name in ("camera_to_xyz", "neutral", "lights")}
-        self.seen.base = self.seen.base.calibrated(replace(base, **more))
-
     def _each(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
         """Yield what `work` makes of each frame that it can use, with a record; the others are skipped."""
         for path in paths:
@@ -372,14 +365,6 @@ class Session:
             else:
                 self._console.record(source=path, ok=True, kind=kind)
                 yield result
-
-    @contextmanager
-    def _skipping(self, paths: Sequence[str]) -> Iterator[None]:
-        """Skip these frames if they cannot be used together."""
-        try:
-            yield
-        except (InputError, MemoryError) as error:
-            self._skip(paths, error)
 
     def _skip(self, paths: Sequence[str], error: Exception) -> None:
         """Say and record why these frames are skipped."""
