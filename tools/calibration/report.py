@@ -88,6 +88,8 @@ def _plot_transfer(axes: "Axes", noise: NoiseResult, planes: str) -> None:
         steps = np.geomspace(max(mean.min(), 1e-5) / 1.5, max(mean.max(), 1e-4) * 1.5, 40)
         axes.plot(steps, line.variance(steps), color=colour, label=letter)
     axes.set(xlabel="mean, part of full scale", ylabel="variance", xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
     axes.legend()
 
 
