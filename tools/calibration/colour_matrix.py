@@ -16,8 +16,15 @@ from tools.io.colour_difference import delta_e_2000, lab_slopes
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 
-GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
-UNEVEN, VERY_UNEVEN = 1.25, 1.5  # brightest over dimmest light on the chart: worth a word if colours show it; in any case
+GREYS = (
+    19,
+    20,
+    21,
+)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
+UNEVEN, VERY_UNEVEN = (
+    1.25,
+    1.5,
+)  # brightest over dimmest light on the chart: worth a word if colours show it; in any case
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 _STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
 _ROUNDS = 12
@@ -74,7 +81,9 @@ class ColourFit:
         errors = np.zeros(PATCHES)
         for index, used in enumerate(1 - np.eye(PATCHES)):
             matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
-            errors[index] = delta_e_2000(xyz_to_lab(self.camera[index] / light[index] @ matrix.T), self.reference[index])
+            errors[index] = delta_e_2000(
+                xyz_to_lab(self.camera[index] / light[index] @ matrix.T), self.reference[index]
+            )
         return errors
 
 
@@ -87,7 +96,9 @@ def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) ->
         raise InputError("colour: the grey patches have no light in some channel; expose more")
     matrix, neutral, light = _fit(camera, colours, cells, field=True)
     lab = xyz_to_lab((camera / light[:, None]) @ matrix.T)
-    return ColourFit(camera, colours, cells, matrix, neutral, light / light.mean(), lab, xyz_to_lab(colours))
+    return ColourFit(
+        camera, colours, cells, matrix, neutral, light / light.mean(), lab, xyz_to_lab(colours)
+    )
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
@@ -102,7 +113,10 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     expected = np.zeros(len(one.neutral))
     for fit in (one, other):
         sensitivity, *_ = np.linalg.lstsq(fit.colours, fit.camera / fit.light[:, None], rcond=None)
-        expected += np.log(np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6)) / 2
+        expected += (
+            np.log(np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6))
+            / 2
+        )
     measured = np.log(one.neutral / other.neutral)
     expected -= expected.mean()
     return float((measured - measured.mean()) @ expected / (expected @ expected))
@@ -111,12 +125,21 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
     """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the state before calibration."""
     greys = list(GREYS)
-    balanced = camera / (camera[greys] / reference[greys, 1:2]).mean(axis=0) @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
+    balanced = (
+        camera
+        / (camera[greys] / reference[greys, 1:2]).mean(axis=0)
+        @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
+    )
     return xyz_to_lab(balanced @ matrix.T)
 
 
 def _fit(
-    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, field: bool, used: DoubleArray | None = None
+    camera: DoubleArray,
+    reference: DoubleArray,
+    cells: DoubleArray,
+    *,
+    field: bool,
+    used: DoubleArray | None = None,
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 
@@ -133,12 +156,16 @@ def _fit(
         matrix = _white_preserving(even, reference, neutral, used)
         if step < _ROUNDS:
             excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
-            light = light * np.exp(_surface(excess, cells, used) if field else (excess * used).sum() / used.sum())
+            light = light * np.exp(
+                _surface(excess, cells, used) if field else (excess * used).sum() / used.sum()
+            )
     scale = neutral.max()
     return matrix * scale, neutral / scale, light * scale
 
 
-def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray) -> DoubleArray:
+def _white_preserving(
+    camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray
+) -> DoubleArray:
     """Return the matrix M with M neutral = D50 that has the least squared error in L*a*b*, to first order.
 
     M = D50 n^T / n.n + Q B^T, where B is a basis of the space orthogonal to n: any Q preserves white (G. D. Finlayson, M. S. Drew,
@@ -208,7 +235,12 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
     shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
     for names, parts in _KINDS.items():
         if set(names) <= set(pattern.channels):
-            _check_order(names, shown @ parts, levels[:, [pattern.channels.index(letter) for letter in names]], pattern)
+            _check_order(
+                names,
+                shown @ parts,
+                levels[:, [pattern.channels.index(letter) for letter in names]],
+                pattern,
+            )
 
 
 def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:
@@ -219,9 +251,13 @@ def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: C
     if best == (0, 1, 2):
         return
     # Channel `order[i]` of the shot sees what the i-th name should.
-    true = {letter: right for right, letter in zip(names, (names[index] for index in best), strict=True)}
+    true = {
+        letter: right for right, letter in zip(names, (names[index] for index in best), strict=True)
+    }
     wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
-    block = "/".join("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
+    block = "/".join(
+        "".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from()
+    )
     raise InputError(
         f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its sensor, whose pattern probably is "
         f"{block}; capture the shot again with the right pattern"

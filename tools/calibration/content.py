@@ -11,11 +11,20 @@ from .samples import CLIPPED, levels_of, robust_deviation, without
 
 # Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind are told apart.
 _TILES = 24  # along each side
-_DARK, _LEAST_CODES = 1 / 1024, 3.0  # of full scale, and codes: in less light than that filters do not differ
-_NOT_DARK, _OFF = 0.1, 0.02  # above a black level that is assumed, or measured in dark frames that may be wrong
+_DARK, _LEAST_CODES = (
+    1 / 1024,
+    3.0,
+)  # of full scale, and codes: in less light than that filters do not differ
+_NOT_DARK, _OFF = (
+    0.1,
+    0.02,
+)  # above a black level that is assumed, or measured in dark frames that may be wrong
 _DIM = 0.1  # a white patch below it shows much more noise than one at three quarters
 _OVEREXPOSED = 0.2  # of the samples
-_STEP, _LEAST_STEP = 0.3, 0.005  # between neighbouring tiles, of the logarithm of the light, and of full scale
+_STEP, _LEAST_STEP = (
+    0.3,
+    0.005,
+)  # between neighbouring tiles, of the logarithm of the light, and of full scale
 _STEPS = 0.05  # of the pairs of neighbouring tiles: no lens makes so many
 _NOISE = 6.0  # standard errors
 
@@ -44,7 +53,9 @@ class Content:
         """Return the content of a frame; its black level counts, its shading does not."""
         levels, period = levels_of(without(mosaic, "shading")), mosaic.pattern.period
         row, column = np.argwhere(mosaic.pattern.panchromatic_mask((period, period)))[0]
-        clear = levels[row::period, column::period].astype(np.float64)  # one site of each period tells it
+        clear = levels[row::period, column::period].astype(
+            np.float64
+        )  # one site of each period tells it
         colours = [float(np.median(levels[*lattice])) for _, *lattice in mosaic.pattern.lattices]
         calibration = mosaic.calibration
         level, brightest = float(np.median(clear)), float(np.quantile(clear, 0.995))
@@ -76,7 +87,10 @@ def _has_steps(clear: np.ndarray, brightest: float) -> bool:
     # Of a median, sqrt(pi / 2) times that of a mean; of two, sqrt(2) times more.
     error = robust_deviation(samples - middle[..., None]) * np.sqrt(np.pi / (rows * columns))
     light = np.log(np.maximum(middle, max(0.02 * brightest, 1e-6)))
-    steps, ratios = (np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)])) for each in (middle, light))
+    steps, ratios = (
+        np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)]))
+        for each in (middle, light)
+    )
     large = (steps > max(_LEAST_STEP, _NOISE * error)) & (ratios > _STEP)
     return bool(large.sum() > _STEPS * large.size)
 
@@ -85,7 +99,9 @@ def check_dark(mosaic: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark shows a scene or an evenly lit surface."""
     content = Content.of(mosaic)
     if content.is_scene:
-        raise InputError("is not dark: it shows a scene; cover the lens (a shot of the chart is given without `dark`)")
+        raise InputError(
+            "is not dark: it shows a scene; cover the lens (a shot of the chart is given without `dark`)"
+        )
     if content.level > _NOT_DARK:
         level = f"its median is {100 * content.level:.0f} % of full scale"
         raise InputError(f"is not dark: {level}; cover the lens (flat frames go by `flat`)")
@@ -97,7 +113,9 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
     if content.is_dark(black_measured=black_measured):
         raise InputError("is dark: no light fell in; dark frames are given by `dark`")
     if content.is_scene:
-        instead = "take an evenly lit surface, out of focus (a shot of the chart is given without `flat`)"
+        instead = (
+            "take an evenly lit surface, out of focus (a shot of the chart is given without `flat`)"
+        )
         raise InputError(f"is no flat frame: it shows a scene; {instead}")
 
 

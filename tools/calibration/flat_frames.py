@@ -27,11 +27,15 @@ def common_focal_length(frames: Iterable[tuple[str, float | None]], kind: str) -
         return None
     (shortest, one), (longest, other) = known[0], known[-1]
     if longest > shortest * (1 + ZOOMED):
-        raise InputError(f"{kind}: {one} is taken at {shortest:g} mm, {other} at {longest:g} mm; take all at one focal length")
+        raise InputError(
+            f"{kind}: {one} is taken at {shortest:g} mm, {other} at {longest:g} mm; take all at one focal length"
+        )
     return shortest
 
 
-def mean_of_unclipped(frames: Sequence[tuple[str, Mosaic]]) -> tuple[DoubleArray, dict[str, DoubleArray]]:
+def mean_of_unclipped(
+    frames: Sequence[tuple[str, Mosaic]],
+) -> tuple[DoubleArray, dict[str, DoubleArray]]:
     """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic light in parts of each.
 
     Raises InputError if all are clipped.
@@ -48,7 +52,9 @@ def mean_of_unclipped(frames: Sequence[tuple[str, Mosaic]]) -> tuple[DoubleArray
             clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
             continue
         total += levels
-        parts[name] = np.add.reduceat(np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64), right, axis=1)
+        parts[name] = np.add.reduceat(
+            np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64), right, axis=1
+        )
     if not parts:
         share, letter, name = min(clipped)
         raise InputError(

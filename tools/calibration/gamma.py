@@ -48,7 +48,10 @@ _INSTEAD = (
     "filling at least a quarter of the frame"
 )
 _VISIBLE = 3  # channels: light of three primaries has no more independent ones
-_WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0  # the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
+_WORST_CONDITION, _PER_CHANNEL = (
+    60.0,
+    20.0,
+)  # the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
@@ -89,11 +92,21 @@ class Assumed:
         steady = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
         errors: DoubleArray | None = None if dark is None else dark.black_error
-        if errors is None and (known_errors := measured.get("black_level", {}).get("standard_error")) is not None:
-            errors = np.array(numbers("measured.black_level.standard_error", known_errors, len(level)))
+        if (
+            errors is None
+            and (known_errors := measured.get("black_level", {}).get("standard_error")) is not None
+        ):
+            errors = np.array(
+                numbers("measured.black_level.standard_error", known_errors, len(level))
+            )
         wide = np.maximum(_UNKNOWN_BLACK * level, 4 * steady)
         black = wide if errors is None else np.hypot(errors, steady)
-        known = cls(black, errors is not None, np.full(len(calibration.channels), _KNOWN_COLOUR), _KNOWN_COLOUR)
+        known = cls(
+            black,
+            errors is not None,
+            np.full(len(calibration.channels), _KNOWN_COLOUR),
+            _KNOWN_COLOUR,
+        )
         if calibration.shading:
             # A lens that dims a colour, rather than the sensor that sees less of it, dims its share of panchromatic light too.
             # Flat frames do not tell these apart, and with that share gamma itself changes towards the corners.
@@ -102,9 +115,13 @@ class Assumed:
             return replace(known, colour=np.hypot(known.colour, falls))
         if even or "shading" in measured:
             return known
-        return replace(known, colour=np.full_like(known.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT)
+        return replace(
+            known, colour=np.full_like(known.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT
+        )
 
-    def precision(self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True) -> DoubleArray:
+    def precision(
+        self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
+    ) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.
 
         gamma: (C,), about.
@@ -130,7 +147,9 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
     """
     square = (places**2).sum(axis=1, keepdims=True)
     shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])
-    return np.concatenate([colours, np.ones((len(colours), 1)), *(colours * shape for shape in shapes)], axis=1)
+    return np.concatenate(
+        [colours, np.ones((len(colours), 1)), *(colours * shape for shape in shapes)], axis=1
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +193,15 @@ class GammaFit:
         gamma = np.ones(self._channels)
         found, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
-            known = self.information + self.assumed.precision(gamma, self.calibration, offset=offset)
+            known = self.information + self.assumed.precision(
+                gamma, self.calibration, offset=offset
+            )
             scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
-            covariance = np.linalg.pinv(known * scale[:, None] * scale, hermitian=True) * scale[:, None] * scale
+            covariance = (
+                np.linalg.pinv(known * scale[:, None] * scale, hermitian=True)
+                * scale[:, None]
+                * scale
+            )
             found = covariance @ self.right_hand_side
             gamma = found[: len(gamma)]
         return found, covariance
@@ -185,7 +210,9 @@ class GammaFit:
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
         found, covariance = self._solved()
         one = np.eye(self._channels)
-        there = np.mean([unknowns(one, np.tile(place, (len(one), 1))) for place in self.where], axis=0)
+        there = np.mean(
+            [unknowns(one, np.tile(place, (len(one), 1))) for place in self.where], axis=0
+        )
         there[:, len(one)] = 0.0  # the offset is no part of gamma
         return there @ found, there @ covariance @ there.T
 
@@ -214,7 +241,9 @@ class GammaFit:
         prior = 0.0
         if self.assumed.black_measured:
             prior = 1 / self.assumed.precision(found[:place], self.calibration)[place, place]
-        return float(found[place]), float(np.sqrt(max(covariance[place, place], 0.0) * self.widened + prior))
+        return float(found[place]), float(
+            np.sqrt(max(covariance[place, place], 0.0) * self.widened + prior)
+        )
 
     @property
     def black_deviation(self) -> float:
@@ -233,7 +262,9 @@ class GammaFit:
         return float((self.half_width / np.abs(self.gamma)).max())
 
 
-def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None) -> GammaFit:
+def fit_gamma(
+    places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None
+) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
     Parameters
@@ -257,8 +288,14 @@ def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Ass
     least = 2 * channels
     if exposed.sum() < least:
         clipped = int(places.clipped.sum())
-        why = f"{clipped} of {len(level)} patches are clipped" if clipped else f"only {int(exposed.sum())} can be measured"
-        raise InputError(f"gamma: {why}, and {least} good ones are needed: {'expose less, or ' if clipped else ''}{_INSTEAD}")
+        why = (
+            f"{clipped} of {len(level)} patches are clipped"
+            if clipped
+            else f"only {int(exposed.sum())} can be measured"
+        )
+        raise InputError(
+            f"gamma: {why}, and {least} good ones are needed: {'expose less, or ' if clipped else ''}{_INSTEAD}"
+        )
     problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     found = np.zeros(problem.terms.shape[1])
@@ -269,7 +306,13 @@ def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Ass
         found = problem.solved(used, found, prior, spread)
         information = problem.information(used, found) / spread**2
         score = problem.scores(found)
-        freedom = max(float(used.sum() - np.trace(np.linalg.lstsq(information + prior, information, rcond=None)[0])), 1.0)
+        freedom = max(
+            float(
+                used.sum()
+                - np.trace(np.linalg.lstsq(information + prior, information, rcond=None)[0])
+            ),
+            1.0,
+        )
         spread = max(1.0, float(np.sqrt((score[used] ** 2).sum() / freedom)))
         kept = exposed & (np.abs(score) <= _REJECT * max(1.0, robust_deviation(score[used])))
         if kept.sum() < least or (kept == used).all():
@@ -305,15 +348,21 @@ class _Problem:
     level: (N,); colours: (N, C); places: see `unknowns`; variance: (N, C + 1), of the means.
     """
 
-    def __init__(self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray) -> None:
+    def __init__(
+        self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray
+    ) -> None:
         self.level, self.colours, self.places, self.variance = level, colours, places, variance
         self.terms = unknowns(colours, places)
 
     def scores(self, found: DoubleArray) -> DoubleArray:
         """Return the residual of each place in standard deviations, (N,)."""
-        return (self.level - self.terms @ found) / np.sqrt(_total(self.variance, found[: self.colours.shape[1]]))
+        return (self.level - self.terms @ found) / np.sqrt(
+            _total(self.variance, found[: self.colours.shape[1]])
+        )
 
-    def solved(self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float) -> DoubleArray:
+    def solved(
+        self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float
+    ) -> DoubleArray:
         """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P), diagonal."""
         strict = np.sqrt(np.diag(prior))
         assumed = strict > 0
@@ -321,7 +370,9 @@ class _Problem:
         def residuals(found: DoubleArray) -> DoubleArray:
             score = self.scores(found)[used] / spread
             large = np.abs(score) > _HUBER
-            score[large] = np.sign(score[large]) * np.sqrt(2 * _HUBER * np.abs(score[large]) - _HUBER**2)
+            score[large] = np.sign(score[large]) * np.sqrt(
+                2 * _HUBER * np.abs(score[large]) - _HUBER**2
+            )
             return np.concatenate([score, (strict * found)[assumed]])
 
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
@@ -392,14 +443,19 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         likely = stdtrit(fit.freedom, (1 + CONFIDENCE) / 2) / ndtri((1 + CONFIDENCE) / 2)
         chi2 += float(difference @ np.linalg.solve(there.covariance * likely**2, difference))
     freedom = len(whole.gamma) * (len(fits) - 1)
-    as_normal = -float(ndtri(max(chdtrc(freedom, chi2), 1e-300)))  # standard deviations that are as rare; 37 at most
+    as_normal = -float(
+        ndtri(max(chdtrc(freedom, chi2), 1e-300))
+    )  # standard deviations that are as rare; 37 at most
     return replace(whole, contradiction=as_normal, widened=max(1.0, chi2 / freedom))
 
 
 def check_determined(fit: GammaFit) -> None:
     """Raise InputError that says what to shoot instead, unless every gamma is positive and known to WORST_INTERVAL."""
     if fit.gamma.min() <= 0 or fit.worst > WORST_INTERVAL:
-        figures = ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in zip(fit.gamma, fit.half_width, strict=True))
+        figures = ", ".join(
+            f"{value:.3g} ± {half:.2g}"
+            for value, half in zip(fit.gamma, fit.half_width, strict=True)
+        )
         raise InputError(
             f"gamma is only known to be {figures}, and {100 * WORST_INTERVAL:.0f} % are needed: {_INSTEAD}; "
             "more light or more shots help too"

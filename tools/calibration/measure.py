@@ -30,8 +30,13 @@ from .noise import FlatResult, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without
 from .shading import ShadingResult, measure_shading
 
-_FAR = 1 / 256  # of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY)
-_WHITE, _DIM = 18, 0.1  # the white patch; part of full scale below which it shows much more noise than at three quarters
+_FAR = (
+    1 / 256
+)  # of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY)
+_WHITE, _DIM = (
+    18,
+    0.1,
+)  # the white patch; part of full scale below which it shows much more noise than at three quarters
 R = TypeVar("R")
 
 
@@ -106,7 +111,9 @@ class Measurements:
             raise InputError("no frame could be used")
         calibration = self.base.calibration
         if self.old:
-            calibration = replace(self.old.calibration, sensor=self.old.calibration.sensor or calibration.sensor)
+            calibration = replace(
+                self.old.calibration, sensor=self.old.calibration.sensor or calibration.sensor
+            )
         if self.dark:
             calibration = replace(calibration, black_level=tuple(self.dark.black.tolist()))
         return calibration
@@ -123,7 +130,9 @@ class Measurements:
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
         """Return how far black level and shading may be off; calibration: of a frame, None = that of the camera."""
-        return Assumed.of(calibration or self.calibration, self.dark, self.known, even=self.shading is not None)
+        return Assumed.of(
+            calibration or self.calibration, self.dark, self.known, even=self.shading is not None
+        )
 
 
 def measure_frames(
@@ -162,7 +171,11 @@ def measure_frames(
 
 
 def measure_chart(
-    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, assumed: Assumed | None = None
+    name: str,
+    mosaic: Mosaic,
+    reference: DoubleArray,
+    corners: Matrix | None = None,
+    assumed: Assumed | None = None,
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them.
 
@@ -188,7 +201,9 @@ def measure_chart(
     places = patch_samples(mosaic, chart.place.measured())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fit = fit_gamma(places, mosaic.calibration, assumed)
-    return ShotMeasurement(name, mosaic.calibration, fit, chart, places, overlay(mosaic, chart.place))
+    return ShotMeasurement(
+        name, mosaic.calibration, fit, chart, places, overlay(mosaic, chart.place)
+    )
 
 
 class Session:
@@ -203,7 +218,9 @@ class Session:
         read: Callable[[str], Mosaic] = read_dng,
     ) -> None:
         self._console, self._sensor, self._read_file = console, sensor, read
-        self._known: dict[str, Any] = {}  # fields of the calibration that count more than what a frame states
+        self._known: dict[
+            str, Any
+        ] = {}  # fields of the calibration that count more than what a frame states
         if old:
             self._known["shading"] = old.calibration.shading
             if "black_level" in old.measured:
@@ -226,14 +243,18 @@ class Session:
                 path, first = frames[0]
                 if self._is_far(first.calibration):
                     stated = figures(first.calibration.black_level)
-                    self._console.note(f"{path} states another black level than the dark frames show: {stated} codes")
+                    self._console.note(
+                        f"{path} states another black level than the dark frames show: {stated} codes"
+                    )
         if self.seen.dark is None:  # what refused frames state is not the camera's
             self.seen.base = None
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
         measured = "black_level" in self._known
-        frames = self._unshaded(paths, "flat", lambda mosaic: check_flat(mosaic, black_measured=measured))
+        frames = self._unshaded(
+            paths, "flat", lambda mosaic: check_flat(mosaic, black_measured=measured)
+        )
         if frames:
             self._measure_shading(frames)
             self._measure_noise(paths, frames)
@@ -246,7 +267,9 @@ class Session:
         try:
             self.seen.shading = measure_shading(frames)
         except InputError as error:
-            self.seen.remarks.append(f"no shading was measured{', and the one before is kept' if before else ''}: {error}")
+            self.seen.remarks.append(
+                f"no shading was measured{', and the one before is kept' if before else ''}: {error}"
+            )
         else:
             self._known["shading"] = self.seen.shading.shading
             self._console.say(self.seen.shading.words)
@@ -266,18 +289,24 @@ class Session:
             return
         self.seen.flats = flats
         for index in unpaired:
-            self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
+            self._console.note(
+                f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure"
+            )
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart; light: see `ShotMeasurement`, the other arguments: see `measure_frames`."""
 
         def measured(path: str) -> ShotMeasurement:
             mosaic, stated = self._read(path, "shot")
-            if (shading := mosaic.calibration.shading) and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
+            if (shading := mosaic.calibration.shading) and (
+                zoomed := shading.zoomed(mosaic.metadata.focal_length)
+            ):
                 self._console.note(f"{path}: {zoomed}")
             assumed = self.seen.assumed(mosaic.calibration)
             try:
-                return measure_chart(Path(path).name, mosaic, self.seen.chart_colours, corners, assumed)
+                return measure_chart(
+                    Path(path).name, mosaic, self.seen.chart_colours, corners, assumed
+                )
             except InputError as error:
                 why = why_no_chart(mosaic) or str(error)
                 if self._is_far(stated):
@@ -302,7 +331,9 @@ class Session:
         black = np.array(self._known.get("black_level", stated.black_level))
         return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
 
-    def _unshaded(self, paths: Sequence[str], kind: str, check: Callable[[Mosaic], None]) -> list[tuple[str, Mosaic]]:
+    def _unshaded(
+        self, paths: Sequence[str], kind: str, check: Callable[[Mosaic], None]
+    ) -> list[tuple[str, Mosaic]]:
         """Return the frames that can be read and are of this kind, without the shading that they state."""
 
         def read(path: str) -> tuple[str, Mosaic]:
@@ -311,7 +342,9 @@ class Session:
 
         return list(self._each(paths, kind, read))
 
-    def _read(self, path: str, kind: str, check: Callable[[Mosaic], None] = lambda _: None) -> tuple[Mosaic, SensorCalibration]:
+    def _read(
+        self, path: str, kind: str, check: Callable[[Mosaic], None] = lambda _: None
+    ) -> tuple[Mosaic, SensorCalibration]:
         """Return a frame with what is known of the camera, and what the frame states.
 
         check: raises InputError if the frame shows that it is of another kind.
@@ -320,7 +353,9 @@ class Session:
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
-        stated = replace(mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor)
+        stated = replace(
+            mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor
+        )
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))
@@ -328,14 +363,20 @@ class Session:
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
             first, before = self._paths[digest]
-            which = f"it is given twice, as {before} and as {kind}" if first == path else f"it is the same shot as {first}"
+            which = (
+                f"it is given twice, as {before} and as {kind}"
+                if first == path
+                else f"it is the same shot as {first}"
+            )
             raise InputError(f"{which}: a copy adds nothing; leave it out")
         self._paths[digest] = path, kind
         self.seen.stated_defects |= set(stated.defects)
         if self.seen.base is None:
             self._base_path = path
         if self.seen.base is None or (kind == "shot" and not self._has_shot):
-            self.seen.base = mosaic  # a shot of the chart states colours and noise, where others may not
+            self.seen.base = (
+                mosaic  # a shot of the chart states colours and noise, where others may not
+            )
         self._has_shot |= kind == "shot"
         return mosaic, stated
 
@@ -344,7 +385,9 @@ class Session:
         if self.seen.base is None:
             return
         ours, first = _facts(mosaic), _facts(self.seen.base)
-        if kind == "dark" or "black_level" in self._known:  # dark frames measure it, whatever a frame states
+        if (
+            kind == "dark" or "black_level" in self._known
+        ):  # dark frames measure it, whatever a frame states
             del ours["black level"]
         for name, fact in ours.items():
             if fact != first[name] and (name != "sensor" or (fact and first[name])):

@@ -28,7 +28,9 @@ _PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def write_report(result: Result, provenance: Mapping[str, str], worded: Callable[[str], str] = str) -> bytes:
+def write_report(
+    result: Result, provenance: Mapping[str, str], worded: Callable[[str], str] = str
+) -> bytes:
     """Return the content of the page's file.
 
     Parameters
@@ -54,10 +56,17 @@ def write_report(result: Result, provenance: Mapping[str, str], worded: Callable
         planes=seen.planes,
         shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
         gamma=found.get("gamma"),
-        residuals=embed_plot(lambda axes: _plot_residuals(axes, result)) if "gamma" in found else "",
-        colours=[(chart, _patches(chart), _differences(chart), _glow(chart.fit.light)) for chart in found.get("colour", ())],
+        residuals=embed_plot(lambda axes: _plot_residuals(axes, result))
+        if "gamma" in found
+        else "",
+        colours=[
+            (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
+            for chart in found.get("colour", ())
+        ],
         noise=found.get("noise"),
-        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes)) if "noise" in found else "",
+        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes))
+        if "noise" in found
+        else "",
         dark=seen.dark,
         shading=seen.shading,
         camera=camera,
@@ -70,12 +79,12 @@ def write_report(result: Result, provenance: Mapping[str, str], worded: Callable
 
 def _plot_residuals(axes: "Axes", result: Result) -> None:
     """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were left out are crosses."""
-    colours = _css_colours(xyz_to_lab(result.seen.chart_colours))
-    for shot in result.seen.shots:
-        percent = 100 * (shot.fit.predicted / np.maximum(shot.fit.level, 1e-9) - 1)
-        for used, marker in ((shot.fit.used, "o"), (~shot.fit.used, "X")):
-            shown = [colour for colour, here in zip(colours, used, strict=True) if here]
-            axes.scatter(shot.fit.level[used], percent[used], 38, shown, marker, edgecolors="#1f1f1c", linewidths=0.6)
+    colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
+    edge = {"edgecolors": "#1f1f1c", "linewidths": 0.6}
+    for fit in (shot.fit for shot in result.seen.shots):
+        percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
+        for here, marker in ((fit.used, "o"), (~fit.used, "X")):
+            axes.scatter(fit.level[here], percent[here], s=38, c=colours[here], marker=marker, **edge)
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 
@@ -84,7 +93,7 @@ def _plot_transfer(axes: "Axes", noise: NoiseResult, planes: str) -> None:
     """Plot variance over mean, with a line per plane."""
     for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
         colour, mean = _PLANES.get(letter, _OTHER), noise.points.mean[:, plane]
-        axes.scatter(mean, noise.points.variance[:, plane], 12, colour, alpha=0.6)
+        axes.scatter(mean, noise.points.variance[:, plane], s=12, c=colour, alpha=0.6)
         steps = np.geomspace(max(mean.min(), 1e-5) / 1.5, max(mean.max(), 1e-4) * 1.5, 40)
         axes.plot(steps, line.variance(steps), color=colour, label=letter)
     axes.set(xlabel="mean, part of full scale", ylabel="variance", xscale="log", yscale="log")
@@ -124,5 +133,7 @@ def _glow(light: DoubleArray) -> list[tuple[float, int]]:
 
 def _css_colours(lab: DoubleArray) -> list[str]:
     """Return CSS colours for L*a*b* (N, 3): sRGB, clipped."""
-    encoded = encode_srgb((lab_to_xyz(lab) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T).astype(np.float32))
+    encoded = encode_srgb(
+        (lab_to_xyz(lab) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T).astype(np.float32)
+    )
     return ["#" + "".join(f"{round(255 * value):02x}" for value in row) for row in encoded.tolist()]

@@ -68,9 +68,18 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
-    levels, planes, number = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape), len(mosaic.pattern.planes)
-    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED  # what saturates is what the sensor reads
-    moments = [_moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number) for pixels in patches]
+    levels, planes, number = (
+        levels_of(mosaic),
+        mosaic.pattern.filter_map(mosaic.shape),
+        len(mosaic.pattern.planes),
+    )
+    clipped = (
+        levels_of(without(mosaic, "shading")) >= CLIPPED
+    )  # what saturates is what the sensor reads
+    moments = [
+        _moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number)
+        for pixels in patches
+    ]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     at_white = np.array([clipped[pixels].any() for pixels in patches])
     last = np.array(mosaic.shape) - 1
@@ -78,13 +87,20 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     return PlaceSamples(mean, variance, count, at_white, 2 * middles / np.hypot(*last))
 
 
-def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int) -> DoubleArray:
+def _moments(
+    rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int
+) -> DoubleArray:
     """Return mean, variance and count per plane, (3, number)."""
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
-    shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
-    return np.array([_robust(values[plane == each], shading[plane == each]) for each in range(number)], np.float64).T
+    shading = (
+        np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
+    )
+    return np.array(
+        [_robust(values[plane == each], shading[plane == each]) for each in range(number)],
+        np.float64,
+    ).T
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:
@@ -106,7 +122,10 @@ def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
-    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
+    rows, columns = (
+        pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist())
+        for length in planes.shape
+    )
     for (top, bottom), (left, right) in product(rows, columns):
         yield slice(top, bottom), slice(left, right)
 

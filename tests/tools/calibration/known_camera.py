@@ -81,7 +81,12 @@ def save(path: Path, mosaic: Mosaic) -> Path:
     return path
 
 
-def cgats(values: ArrayLike, columns: str = "XYZ_X XYZ_Y XYZ_Z", names: Sequence[str] = (), header: str = "CTI3") -> str:
+def cgats(
+    values: ArrayLike,
+    columns: str = "XYZ_X XYZ_Y XYZ_Z",
+    names: Sequence[str] = (),
+    header: str = "CTI3",
+) -> str:
     """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
     names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
     rows = [" ".join([name, *(f"{value:.6f}" for value in row)]) for name, row in zip(names, np.asarray(values), strict=True)]

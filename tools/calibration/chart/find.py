@@ -27,7 +27,9 @@ _SEARCHES = (
     (2500, 3.2, 0.95, 3, 1.6),
     (3600, 3.2, 0.95, 3, 1.6),
 )
-_BOX = 0.25 / 2.75 / 2  # of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart
+_BOX = (
+    0.25 / 2.75 / 2
+)  # of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart
 # Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement too; walls are above 15.
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
@@ -97,7 +99,9 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
     """Return the chart at given corners (see `ChartPlace`), after the same tests. Raises InputError if one of them fails."""
     place = ChartPlace(corners)
     if not place.lies_in(mosaic.shape):
-        raise InputError(f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels")
+        raise InputError(
+            f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels"
+        )
     _check_size(place, mosaic)
     found = _judged(linear_picture(mosaic), place, reference)
     if found.fault:
@@ -162,7 +166,9 @@ def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> F
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
     """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
     try:
-        mean = float(fit_colour(patch_means(picture, place)[0], reference, place.cells).difference.mean())
+        mean = float(
+            fit_colour(patch_means(picture, place)[0], reference, place.cells).difference.mean()
+        )
     except (InputError, np.linalg.LinAlgError):
         return float("inf")
     return mean if np.isfinite(mean) else float("inf")
@@ -174,22 +180,35 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     Corners that cv2.mcc proposes are off by up to a third of a patch. picture: (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
-    root = np.sqrt(np.maximum(luminance, 0))  # once: in every step it would cost a hundred times all else in a large frame
+    root = np.sqrt(
+        np.maximum(luminance, 0)
+    )  # once: in every step it would cost a hundred times all else in a large frame
     best, scale = np.array(place.corners), place.pitch
-    for reach in (0.12, 0.04):  # the second search has a new simplex: in eight dimensions the first may collapse too early
+    for reach in (
+        0.12,
+        0.04,
+    ):  # the second search has a new simplex: in eight dimensions the first may collapse too early
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         found = minimize(
             _misfit,
             np.zeros(8),
             args=(luminance, root, best, scale),
             method="Nelder-Mead",
-            options={"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6, "adaptive": True},
+            options={
+                "initial_simplex": simplex,
+                "maxfev": 700,
+                "xatol": 1e-3,
+                "fatol": 1e-6,
+                "adaptive": True,
+            },
         )
         best = best + found.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 
 
-def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tuple[DoubleArray, DoubleArray]:
+def patch_means(
+    picture: FloatArray, place: ChartPlace, size: float = 0.5
+) -> tuple[DoubleArray, DoubleArray]:
     """Return the patches' means (24, C), and the standard deviation of log luminance inside each, (24,).
 
     picture: (H, W, C), linear.
@@ -203,7 +222,9 @@ def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tu
     return values.mean(axis=1), luminance.std(axis=1)
 
 
-def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float) -> float:
+def _misfit(
+    moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float
+) -> float:
     """Return how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
 
     root: square root of luminance. With luminance itself only the bright patches would fix the grid, and the corner at
@@ -214,7 +235,9 @@ def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (float(_at(root, *place.at(*points.T)).mean()) for points in (_GAPS, place.cells))
+    gaps, patches = (
+        float(_at(root, *place.at(*points.T)).mean()) for points in (_GAPS, place.cells)
+    )
     return float(np.minimum(rough, 0.5).mean()) + gaps / max(patches, 1e-6)
 
 

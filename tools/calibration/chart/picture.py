@@ -33,10 +33,18 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     ratios = np.clip(ratios / np.maximum(below, 1e-6), 0, 2)
     down, across = (
         (np.arange(size) - origins[0] - (block - 1) / 2) / pattern.period
-        for size, origins, block in zip(mosaic.shape, (rows, columns), grid.block_shape, strict=True)
+        for size, origins, block in zip(
+            mosaic.shape, (rows, columns), grid.block_shape, strict=True
+        )
     )
     places = np.meshgrid(down, across, indexing="ij")
-    chromaticity = np.stack([map_coordinates(plane, places, order=1, mode="nearest") for plane in np.moveaxis(ratios, -1, 0)], -1)
+    chromaticity = np.stack(
+        [
+            map_coordinates(plane, places, order=1, mode="nearest")
+            for plane in np.moveaxis(ratios, -1, 0)
+        ],
+        -1,
+    )
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
@@ -50,7 +58,9 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SH
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
-    return (255 * np.clip(chosen / np.maximum(bright, 1e-6), 0, 1) ** (1 / exponent)).astype(np.uint8)
+    return (255 * np.clip(chosen / np.maximum(bright, 1e-6), 0, 1) ** (1 / exponent)).astype(
+        np.uint8
+    )
 
 
 def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:

@@ -16,7 +16,9 @@ COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
 PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
 INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
-LEAST_PERIODS = 2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
+LEAST_PERIODS = (
+    2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
+)
 NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
     "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
@@ -45,7 +47,9 @@ class ChartPlace:
     def __post_init__(self) -> None:
         points = np.array(self.corners, float)
         if points.shape != (4, 2):
-            raise InputError(f"chart: {len(self.corners)} corners, expected four (x, y): dark skin, bluish green, black, white")
+            raise InputError(
+                f"chart: {len(self.corners)} corners, expected four (x, y): dark skin, bluish green, black, white"
+            )
         sides = np.roll(points, -1, axis=0) - points
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():
@@ -57,7 +61,9 @@ class ChartPlace:
     @cached_property
     def _to_frame(self) -> DoubleArray:
         edge = (1 - PATCH) / 2
-        return homography(rectangle(edge, edge, COLUMNS - edge, ROWS - edge), np.array(self.corners, float))
+        return homography(
+            rectangle(edge, edge, COLUMNS - edge, ROWS - edge), np.array(self.corners, float)
+        )
 
     def __str__(self) -> str:
         return " ".join(f"{x:.0f},{y:.0f}" for x, y in self.corners)
@@ -89,7 +95,10 @@ class ChartPlace:
     @property
     def cells(self) -> DoubleArray:
         """The centres of the patches in cells, (24, 2): x and y."""
-        return np.stack([np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)], axis=1)
+        return np.stack(
+            [np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)],
+            axis=1,
+        )
 
 
 def _pixels(corners: DoubleArray) -> Pixels:
@@ -99,5 +108,7 @@ def _pixels(corners: DoubleArray) -> Pixels:
     rows, columns = np.mgrid[top:bottom, left:right]
     x, y = columns + 0.5, rows + 0.5
     sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
-    inside = np.logical_and.reduce([(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides])
+    inside = np.logical_and.reduce(
+        [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides]
+    )
     return rows[inside], columns[inside]

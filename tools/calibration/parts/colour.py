@@ -20,7 +20,10 @@ from .part import Part
 # that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
-_GOOD, _USELESS = 4.0, 6.0  # mean dE2000: an average chart in average light stays below; above it the colours are useless
+_GOOD, _USELESS = (
+    4.0,
+    6.0,
+)  # mean dE2000: an average chart in average light stays below; above it the colours are useless
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +48,15 @@ def colour(seen: Measurements) -> Part | None:
     lights = seen.lights or ("",)
     charts = {light: _charts(seen, light) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
-        refusal = f"no chart without clipped patches was found under the light {' and '.join(missing)}"
+        refusal = (
+            f"no chart without clipped patches was found under the light {' and '.join(missing)}"
+        )
         return Part("colour", refusal=refusal) if seen.lights else None
     if seen.lights and (wrong := _wrong_lights(charts)):
         return Part("colour", refusal=wrong)
-    best = [min(charts[light], key=lambda chart: float(chart.fit.left_out.mean())) for light in lights]
+    best = [
+        min(charts[light], key=lambda chart: float(chart.fit.left_out.mean())) for light in lights
+    ]
     warnings, contradictions = [], []
     for chart in best:
         mean = float(chart.fit.difference.mean())
@@ -62,7 +69,11 @@ def colour(seen: Measurements) -> Part | None:
     facts = [_facts(chart) for chart in best]
     if not seen.lights:
         (fit,) = (chart.fit for chart in best)
-        changes = {"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist()), "lights": None}
+        changes = {
+            "camera_to_xyz": as_rows(fit.matrix),
+            "neutral": tuple(fit.neutral.tolist()),
+            "lights": None,
+        }
         return Part("colour", facts[0], changes, warnings, contradictions, result=best)
     found = tuple(
         CalibratedLight(light, as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist()))
@@ -70,7 +81,9 @@ def colour(seen: Measurements) -> Part | None:
     )
     every = {name: [each[name] for each in facts] for name in facts[0]}
     changes = {"lights": found, "neutral": None, "neutral_estimated": False}
-    return Part("colour", {"light": list(lights)} | every, changes, warnings, contradictions, result=best)
+    return Part(
+        "colour", {"light": list(lights)} | every, changes, warnings, contradictions, result=best
+    )
 
 
 def _charts(seen: Measurements, light: str) -> list[ChartColours]:
@@ -81,8 +94,14 @@ def _charts(seen: Measurements, light: str) -> list[ChartColours]:
             levels = reconciled(shot.places, gamma.gamma)
             known, before = shot.calibration.camera_to_xyz, None
             if known is not None or shot.calibration.channels == "RGB":
-                before = white_balanced(levels, seen.chart_colours, np.array(SRGB_TO_XYZ if known is None else known))
-            charts.append(ChartColours(shot, fit_colour(levels, seen.chart_colours, shot.chart.place.cells), before))
+                before = white_balanced(
+                    levels, seen.chart_colours, np.array(SRGB_TO_XYZ if known is None else known)
+                )
+            charts.append(
+                ChartColours(
+                    shot, fit_colour(levels, seen.chart_colours, shot.chart.place.cells), before
+                )
+            )
     return charts
 
 
@@ -92,7 +111,9 @@ def _facts(chart: ChartColours) -> dict[str, object]:
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+        "mean_dE2000_before": None
+        if before is None
+        else round(float(delta_e_2000(before, fit.reference).mean()), 3),
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
@@ -103,7 +124,9 @@ def _uneven(chart: ChartColours) -> list[str]:
     """Warn of uneven light on a chart."""
     unevenness = chart.fit.unevenness
     least = UNEVEN if chart.fit.left_out.mean() > _CORRECTED else VERY_UNEVEN
-    if unevenness <= least or coloured_light(chart.shot):  # in strongly coloured light other errors are corrected as uneven light
+    if unevenness <= least or coloured_light(
+        chart.shot
+    ):  # in strongly coloured light other errors are corrected as uneven light
         return []
     return [
         f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times brighter in one place than in "
@@ -115,7 +138,10 @@ def _uneven(chart: ChartColours) -> list[str]:
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     """Return which shots cannot be under the two lights that are named, and what to do; "" if all can."""
     (one, first), (other, second) = charts.items()
-    changes = [(light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name) for a, b in product(first, second)]
+    changes = [
+        (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
+        for a, b in product(first, second)
+    ]
     change, a, b = min(changes)
     least, most = _LIKELY_CHANGE
     if change <= -least:

@@ -35,7 +35,9 @@ def gamma(seen: Measurements) -> Part | None:
     except InputError as error:
         refusal = str(error)
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
-    if contradictions and (refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION):
+    if contradictions and (
+        refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION
+    ):
         refusal = "; ".join(contradictions)
     return Part(
         "gamma",
@@ -62,7 +64,11 @@ def black_error(seen: Measurements) -> DoubleArray:
     offset, error = fit.offset
     black = np.array(fit.calibration.black_level)
     # On all planes in common, and on each by itself.
-    common = np.hypot(offset, error) / max(abs(1 - float(fit.gamma.sum())), _LEVER) * (fit.calibration.white_level - black)
+    common = (
+        np.hypot(offset, error)
+        / max(abs(1 - float(fit.gamma.sum())), _LEVER)
+        * (fit.calibration.white_level - black)
+    )
     return np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
 
 
@@ -87,7 +93,13 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     if fit.contradiction > _CONTRADICTION:
         each = ", ".join(
             " ".join(
-                [shot.name, *(f"{value:.3f} ± {half:.2g}" for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True))]
+                [
+                    shot.name,
+                    *(
+                        f"{value:.3f} ± {half:.2g}"
+                        for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)
+                    ),
+                ]
             )
             for shot in shots
         )
@@ -108,7 +120,10 @@ def _wrong_black(fit: GammaFit) -> str:
         codes, codes_error = (abs(value * span / lever) for value in (offset, error))
         direction = "higher" if offset / lever > 0 else "lower"
         seems = f": it seems to be {codes:.1f} ± {codes_error:.1g} codes {direction}"
-    which, remedy = "that is assumed", "take dark frames (`dark`), and give them together with these shots"
+    which, remedy = (
+        "that is assumed",
+        "take dark frames (`dark`), and give them together with these shots",
+    )
     if fit.assumed.black_measured:
         which = "that the dark frames show"
         remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
@@ -120,7 +135,11 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     warnings = []
     tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD:
-        remedy = "white light would help" if tints else "more light, a larger chart, more shots or flat frames (`flat`) would help"
+        remedy = (
+            "white light would help"
+            if tints
+            else "more light, a larger chart, more shots or flat frames (`flat`) would help"
+        )
         warnings.append(f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy}")
     warnings += tints
     if fit.spread > _SPREAD:
@@ -136,5 +155,7 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
             )
         left_out = int((~shot.fit.used).sum()) - clipped
         if left_out > 0:
-            warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
+            warnings.append(
+                f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)"
+            )
     return warnings
