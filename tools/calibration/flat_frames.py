@@ -1,6 +1,6 @@
 """Flat frames together: which of them count, and whether they show the same."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,31 +11,31 @@ from shared.shading import ZOOMED
 
 from .samples import CLIPPED, levels_of
 
+Named = tuple[str, Mosaic]
+
 _CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
 _PARTS = 4  # of an axis, in which frames are compared with each other
 _UNLIKE = 0.03  # share by which the light of a frame may fall off in another way than that of all together
 _COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which count little, black level decides how it falls off
 
 
-def common_focal_length(frames: Iterable[tuple[str, float | None]], kind: str) -> float | None:
-    """Return the common focal length of frames of a kind, None if unknown. Raises InputError if the frames differ.
-
-    frames: name and focal length, millimetres, of each.
-    """
-    known = sorted((each, name) for name, each in frames if each is not None)
+def common_focal_length(frames: Sequence[Named]) -> float | None:
+    """Return the common focal length of flat frames, millimetres, None if unknown. Raises InputError if they differ."""
+    stated = ((frame.metadata.focal_length, name) for name, frame in frames)
+    known = sorted((length, name) for length, name in stated if length is not None)
     if not known:
         return None
     (shortest, one), (longest, other) = known[0], known[-1]
     if longest > shortest * (1 + ZOOMED):
-        raise InputError(
-            f"{kind}: {one} is taken at {shortest:g} mm, {other} at {longest:g} mm; take all at one focal length"
-        )
+        lengths = f"{one} is taken at {shortest:g} mm, {other} at {longest:g} mm"
+        raise InputError(f"flat frames: {lengths}; take all at one focal length")
     return shortest
 
 
-def mean_of_unclipped(
-    frames: Sequence[tuple[str, Mosaic]],
-) -> tuple[DoubleArray, dict[str, DoubleArray]]:
+Named = Sequence[tuple[str, Mosaic]]
+
+
+def mean_of_unclipped(frames: Named) -> tuple[DoubleArray, dict[str, DoubleArray]]:
     """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic light in parts of each.
 
     Raises InputError if all are clipped.
@@ -52,9 +52,8 @@ def mean_of_unclipped(
             clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
             continue
         total += levels
-        parts[name] = np.add.reduceat(
-            np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64), right, axis=1
-        )
+        strips = np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64)
+        parts[name] = np.add.reduceat(strips, right, axis=1)
     if not parts:
         share, letter, name = min(clipped)
         raise InputError(

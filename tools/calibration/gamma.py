@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import chdtrc, ndtri, stdtrit  # scipy.stats takes two seconds to load
+from scipy.special import chdtrc, huber, ndtri, stdtrit  # scipy.stats takes two seconds to load
 
 from shared import SensorCalibration
 from shared.arrays import BoolArray, DoubleArray
@@ -48,10 +48,8 @@ _INSTEAD = (
     "filling at least a quarter of the frame"
 )
 _VISIBLE = 3  # channels: light of three primaries has no more independent ones
-_WORST_CONDITION, _PER_CHANNEL = (
-    60.0,
-    20.0,
-)  # the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
+# the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
+_WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
@@ -91,33 +89,25 @@ class Assumed:
         """
         steady = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
-        errors: DoubleArray | None = None if dark is None else dark.black_error
-        if (
-            errors is None
-            and (known_errors := measured.get("black_level", {}).get("standard_error")) is not None
-        ):
-            errors = np.array(
-                numbers("measured.black_level.standard_error", known_errors, len(level))
-            )
-        wide = np.maximum(_UNKNOWN_BLACK * level, 4 * steady)
-        black = wide if errors is None else np.hypot(errors, steady)
-        known = cls(
-            black,
-            errors is not None,
-            np.full(len(calibration.channels), _KNOWN_COLOUR),
-            _KNOWN_COLOUR,
-        )
+        stated = measured.get("black_level", {}).get("standard_error")
+        black, is_measured = np.maximum(_UNKNOWN_BLACK * level, 4 * steady), True
+        if dark is not None:
+            black = np.hypot(dark.black_error, steady)
+        elif stated is not None:
+            errors = numbers("measured.black_level.standard_error", stated, len(level))
+            black = np.hypot(np.array(errors), steady)
+        else:
+            is_measured = False
+        colour = np.full(len(calibration.channels), _KNOWN_COLOUR)
         if calibration.shading:
             # A lens that dims a colour, rather than the sensor that sees less of it, dims its share of panchromatic light too.
             # Flat frames do not tell these apart, and with that share gamma itself changes towards the corners.
             *colours, panchromatic = calibration.shading.sketch
             falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
-            return replace(known, colour=np.hypot(known.colour, falls))
+            return cls(black, is_measured, np.hypot(colour, falls), _KNOWN_COLOUR)
         if even or "shading" in measured:
-            return known
-        return replace(
-            known, colour=np.full_like(known.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT
-        )
+            return cls(black, is_measured, colour, _KNOWN_COLOUR)
+        return cls(black, is_measured, np.full_like(colour, _UNKNOWN_COLOUR), _UNKNOWN_TILT)
 
     def precision(
         self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
@@ -147,9 +137,8 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
     """
     square = (places**2).sum(axis=1, keepdims=True)
     shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])
-    return np.concatenate(
-        [colours, np.ones((len(colours), 1)), *(colours * shape for shape in shapes)], axis=1
-    )
+    one = np.ones((len(colours), 1))
+    return np.concatenate([colours, one, *(colours * shape for shape in shapes)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,15 +182,11 @@ class GammaFit:
         gamma = np.ones(self._channels)
         found, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
-            known = self.information + self.assumed.precision(
-                gamma, self.calibration, offset=offset
-            )
-            scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
-            covariance = (
-                np.linalg.pinv(known * scale[:, None] * scale, hermitian=True)
-                * scale[:, None]
-                * scale
-            )
+            prior = self.assumed.precision(gamma, self.calibration, offset=offset)
+            known = self.information + prior
+            root = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
+            scale = np.outer(root, root)
+            covariance = np.linalg.pinv(known * scale, hermitian=True) * scale
             found = covariance @ self.right_hand_side
             gamma = found[: len(gamma)]
         return found, covariance
@@ -210,9 +195,8 @@ class GammaFit:
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
         found, covariance = self._solved()
         one = np.eye(self._channels)
-        there = np.mean(
-            [unknowns(one, np.tile(place, (len(one), 1))) for place in self.where], axis=0
-        )
+        terms = [unknowns(one, np.tile(place, (len(one), 1))) for place in self.where]
+        there = np.mean(terms, axis=0)
         there[:, len(one)] = 0.0  # the offset is no part of gamma
         return there @ found, there @ covariance @ there.T
 
@@ -241,9 +225,8 @@ class GammaFit:
         prior = 0.0
         if self.assumed.black_measured:
             prior = 1 / self.assumed.precision(found[:place], self.calibration)[place, place]
-        return float(found[place]), float(
-            np.sqrt(max(covariance[place, place], 0.0) * self.widened + prior)
-        )
+        variance = max(covariance[place, place], 0.0) * self.widened + prior
+        return float(found[place]), float(np.sqrt(variance))
 
     @property
     def black_deviation(self) -> float:
@@ -287,15 +270,10 @@ def fit_gamma(
     exposed = ~places.clipped & (places.count.min(axis=1) >= 1) & (level > 0)
     least = 2 * channels
     if exposed.sum() < least:
-        clipped = int(places.clipped.sum())
-        why = (
-            f"{clipped} of {len(level)} patches are clipped"
-            if clipped
-            else f"only {int(exposed.sum())} can be measured"
-        )
-        raise InputError(
-            f"gamma: {why}, and {least} good ones are needed: {'expose less, or ' if clipped else ''}{_INSTEAD}"
-        )
+        why, remedy = f"only {int(exposed.sum())} patches can be measured", ""
+        if clipped := int(places.clipped.sum()):
+            why, remedy = f"{clipped} of {len(level)} patches are clipped", "expose less, or "
+        raise InputError(f"gamma: {why}, and {least} good ones are needed: {remedy}{_INSTEAD}")
     problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     found = np.zeros(problem.terms.shape[1])
@@ -306,13 +284,8 @@ def fit_gamma(
         found = problem.solved(used, found, prior, spread)
         information = problem.information(used, found) / spread**2
         score = problem.scores(found)
-        freedom = max(
-            float(
-                used.sum()
-                - np.trace(np.linalg.lstsq(information + prior, information, rcond=None)[0])
-            ),
-            1.0,
-        )
+        told, *_ = np.linalg.lstsq(information + prior, information, rcond=None)
+        freedom = max(float(used.sum() - np.trace(told)), 1.0)
         spread = max(1.0, float(np.sqrt((score[used] ** 2).sum() / freedom)))
         kept = exposed & (np.abs(score) <= _REJECT * max(1.0, robust_deviation(score[used])))
         if kept.sum() < least or (kept == used).all():
@@ -356,9 +329,8 @@ class _Problem:
 
     def scores(self, found: DoubleArray) -> DoubleArray:
         """Return the residual of each place in standard deviations, (N,)."""
-        return (self.level - self.terms @ found) / np.sqrt(
-            _total(self.variance, found[: self.colours.shape[1]])
-        )
+        total = _total(self.variance, found[: self.colours.shape[1]])
+        return (self.level - self.terms @ found) / np.sqrt(total)
 
     def solved(
         self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float
@@ -369,10 +341,7 @@ class _Problem:
 
         def residuals(found: DoubleArray) -> DoubleArray:
             score = self.scores(found)[used] / spread
-            large = np.abs(score) > _HUBER
-            score[large] = np.sign(score[large]) * np.sqrt(
-                2 * _HUBER * np.abs(score[large]) - _HUBER**2
-            )
+            score = np.sign(score) * np.sqrt(2 * huber(_HUBER, score))
             return np.concatenate([score, (strict * found)[assumed]])
 
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
@@ -443,10 +412,8 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         likely = stdtrit(fit.freedom, (1 + CONFIDENCE) / 2) / ndtri((1 + CONFIDENCE) / 2)
         chi2 += float(difference @ np.linalg.solve(there.covariance * likely**2, difference))
     freedom = len(whole.gamma) * (len(fits) - 1)
-    as_normal = -float(
-        ndtri(max(chdtrc(freedom, chi2), 1e-300))
-    )  # standard deviations that are as rare; 37 at most
-    return replace(whole, contradiction=as_normal, widened=max(1.0, chi2 / freedom))
+    rare = max(float(chdtrc(freedom, chi2)), 1e-300)  # so that it is 37 deviations at most
+    return replace(whole, contradiction=-float(ndtri(rare)), widened=max(1.0, chi2 / freedom))
 
 
 def check_determined(fit: GammaFit) -> None:

@@ -30,13 +30,10 @@ from .noise import FlatResult, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without
 from .shading import ShadingResult, measure_shading
 
-_FAR = (
-    1 / 256
-)  # of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY)
-_WHITE, _DIM = (
-    18,
-    0.1,
-)  # the white patch; part of full scale below which it shows much more noise than at three quarters
+# of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY)
+_FAR = 1 / 256
+# the white patch; part of full scale below which it shows much more noise than at three quarters
+_WHITE, _DIM = 18, 0.1
 R = TypeVar("R")
 
 
@@ -218,9 +215,8 @@ class Session:
         read: Callable[[str], Mosaic] = read_dng,
     ) -> None:
         self._console, self._sensor, self._read_file = console, sensor, read
-        self._known: dict[
-            str, Any
-        ] = {}  # fields of the calibration that count more than what a frame states
+        # fields of the calibration that count more than what a frame states
+        self._known: dict[str, Any] = {}
         if old:
             self._known["shading"] = old.calibration.shading
             if "black_level" in old.measured:
@@ -385,9 +381,8 @@ class Session:
         if self.seen.base is None:
             return
         ours, first = _facts(mosaic), _facts(self.seen.base)
-        if (
-            kind == "dark" or "black_level" in self._known
-        ):  # dark frames measure it, whatever a frame states
+        # dark frames measure it, whatever a frame states
+        if kind == "dark" or "black_level" in self._known:
             del ours["black level"]
         for name, fact in ours.items():
             if fact != first[name] and (name != "sensor" or (fact and first[name])):

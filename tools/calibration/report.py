@@ -84,7 +84,9 @@ def _plot_residuals(axes: "Axes", result: Result) -> None:
     for fit in (shot.fit for shot in result.seen.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
-            axes.scatter(fit.level[here], percent[here], s=38, c=colours[here], marker=marker, **edge)
+            axes.scatter(
+                fit.level[here], percent[here], s=38, c=colours[here], marker=marker, **edge
+            )
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 

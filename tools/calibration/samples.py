@@ -73,9 +73,8 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
         mosaic.pattern.filter_map(mosaic.shape),
         len(mosaic.pattern.planes),
     )
-    clipped = (
-        levels_of(without(mosaic, "shading")) >= CLIPPED
-    )  # what saturates is what the sensor reads
+    # what saturates is what the sensor reads
+    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED
     moments = [
         _moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number)
         for pixels in patches
