@@ -77,34 +77,24 @@ def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) ->
     """
     calibration = seen.calibration
     parts = {part.name: part for concluded in _PARTS if (part := concluded(seen))}
-    measured = {
-        name: {**(provenance or {}), **part.facts}
-        for name, part in parts.items()
-        if part.facts is not None
-    }
-    changes: dict[str, Any] = {
-        name: value for part in parts.values() for name, value in part.changes.items()
-    }
+    changes: dict[str, Any] = {}
+    measured: dict[str, Any] = {}
+    for name, part in parts.items():
+        changes |= part.changes
+        if part.facts is not None:
+            measured[name] = {**(provenance or {}), **part.facts}
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
-        changes["noise"] = calibration.noise.in_units_of(
-            calibration.full_scale / math.fsum(changes["gamma"])
-        )
+        rescaled = calibration.full_scale / math.fsum(changes["gamma"])
+        changes["noise"] = calibration.noise.in_units_of(rescaled)
     refusal = "; ".join(part.refusal for part in parts.values() if part.refusal)
     camera = None
     if seen.base and not refusal:
-        camera = Camera(
-            replace(calibration, **changes),
-            seen.base.pattern,
-            {**seen.known, **measured},
-            seen.base.shape,
-        )
+        base, parts_of = seen.base, {**seen.known, **measured}
+        camera = Camera(replace(calibration, **changes), base.pattern, parts_of, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
-    warnings = (
-        *seen.remarks,
-        *(line for part in parts.values() for line in part.warnings),
-        *_outdated(seen, measured),
-    )
+    warned = [line for part in parts.values() for line in part.warnings]
+    warnings = (*seen.remarks, *warned, *_outdated(seen, measured))
     return Result(seen, parts, camera, refusal, contradictions, warnings)
 
 

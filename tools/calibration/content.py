@@ -106,10 +106,9 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
     if content.is_dark(black_measured=black_measured):
         raise InputError("is dark: no light fell in; dark frames are given by `dark`")
     if content.is_scene:
-        instead = (
-            "take an evenly lit surface, out of focus (a shot of the chart is given without `flat`)"
-        )
-        raise InputError(f"is no flat frame: it shows a scene; {instead}")
+        instead = "take an evenly lit surface, out of focus"
+        other = "(a shot of the chart is given without `flat`)"
+        raise InputError(f"is no flat frame: it shows a scene; {instead} {other}")
 
 
 def why_no_chart(mosaic: Mosaic) -> str:

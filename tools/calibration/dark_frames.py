@@ -55,11 +55,9 @@ class DarkResult:
     @property
     def words(self) -> str:
         """Black level, read noise and defects, for people."""
-        read = (
-            f"read noise {figures(self.read)} codes"
-            if self.shows_read
-            else "read noise too small for these codes"
-        )
+        read = "read noise too small for these codes"
+        if self.shows_read:
+            read = f"read noise {figures(self.read)} codes"
         return f"black level {figures(self.black)} codes, {read}, {len(self.defects)} defects"
 
 
@@ -99,9 +97,8 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
         # What whole frames drift by is an error of the black level that samples of one frame do not show, and few frames hardly.
         usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
-        drift = (((levels - levels.mean()) ** 2).sum() + usual) / (
-            len(frames) - 1 + _USUAL_DRIFT_FRAMES
-        )
+        squares = ((levels - levels.mean()) ** 2).sum() + usual
+        drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
         error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
         # then the mean of the codes is not that of the samples, however many there are
         if read[plane] < HIDDEN:
@@ -145,17 +142,13 @@ def _check_light(
     lift = black - black[:-1].min()
     variance = noise**2
     slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0
-    sure = variance.mean() * np.sqrt(
-        2 / max(float(np.bincount(planes.ravel()).min()) * frames, 1.0)
-    )
+    samples = max(float(np.bincount(planes.ravel()).min()) * frames, 1.0)
+    sure = variance.mean() * np.sqrt(2 / samples)
     agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
     if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
-        levels = ", ".join(
-            f"{letter} {level:.1f}" for letter, level in zip(letters, black, strict=True)
-        )
-        noises = ", ".join(
-            f"{letter} {each:.2f}" for letter, each in zip(letters, noise, strict=True)
-        )
+        every = list(zip(letters, black, noise, strict=True))
+        levels = ", ".join(f"{letter} {level:.1f}" for letter, level, _ in every)
+        noises = ", ".join(f"{letter} {each:.2f}" for letter, _, each in every)
         raise InputError(
             f"dark frames: light fell in: their levels are {levels} codes, with a noise of {noises}: both rise from filter to "
             "filter as they do in light, most in W, which sees all colours; cover lens and viewfinder, and take them in the dark"

@@ -6,6 +6,7 @@
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -35,6 +36,8 @@ _FAR = 1 / 256
 # the white patch; part of full scale below which it shows much more noise than at three quarters
 _WHITE, _DIM = 18, 0.1
 R = TypeVar("R")
+Check = Callable[[Mosaic], None]
+"""Raises InputError if a frame shows that it is of another kind than it is given as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +111,8 @@ class Measurements:
             raise InputError("no frame could be used")
         calibration = self.base.calibration
         if self.old:
-            calibration = replace(
-                self.old.calibration, sensor=self.old.calibration.sensor or calibration.sensor
-            )
+            known = self.old.calibration
+            calibration = replace(known, sensor=known.sensor or calibration.sensor)
         if self.dark:
             calibration = replace(calibration, black_level=tuple(self.dark.black.tolist()))
         return calibration
@@ -127,9 +129,8 @@ class Measurements:
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
         """Return how far black level and shading may be off; calibration: of a frame, None = that of the camera."""
-        return Assumed.of(
-            calibration or self.calibration, self.dark, self.known, even=self.shading is not None
-        )
+        even, calibration = self.shading is not None, calibration or self.calibration
+        return Assumed.of(calibration, self.dark, self.known, even=even)
 
 
 def measure_frames(
@@ -198,9 +199,8 @@ def measure_chart(
     places = patch_samples(mosaic, chart.place.measured())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fit = fit_gamma(places, mosaic.calibration, assumed)
-    return ShotMeasurement(
-        name, mosaic.calibration, fit, chart, places, overlay(mosaic, chart.place)
-    )
+    picture = overlay(mosaic, chart.place)
+    return ShotMeasurement(name, mosaic.calibration, fit, chart, places, picture)
 
 
 class Session:
@@ -239,18 +239,15 @@ class Session:
                 path, first = frames[0]
                 if self._is_far(first.calibration):
                     stated = figures(first.calibration.black_level)
-                    self._console.note(
-                        f"{path} states another black level than the dark frames show: {stated} codes"
-                    )
+                    other = "states another black level than the dark frames show"
+                    self._console.note(f"{path} {other}: {stated} codes")
         if self.seen.dark is None:  # what refused frames state is not the camera's
             self.seen.base = None
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
-        measured = "black_level" in self._known
-        frames = self._unshaded(
-            paths, "flat", lambda mosaic: check_flat(mosaic, black_measured=measured)
-        )
+        check = partial(check_flat, black_measured="black_level" in self._known)
+        frames = self._unshaded(paths, "flat", check)
         if frames:
             self._measure_shading(frames)
             self._measure_noise(paths, frames)
@@ -263,9 +260,8 @@ class Session:
         try:
             self.seen.shading = measure_shading(frames)
         except InputError as error:
-            self.seen.remarks.append(
-                f"no shading was measured{', and the one before is kept' if before else ''}: {error}"
-            )
+            kept = ", and the one before is kept" if before else ""
+            self.seen.remarks.append(f"no shading was measured{kept}: {error}")
         else:
             self._known["shading"] = self.seen.shading.shading
             self._console.say(self.seen.shading.words)
@@ -285,24 +281,21 @@ class Session:
             return
         self.seen.flats = flats
         for index in unpaired:
-            self._console.note(
-                f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure"
-            )
+            why = "it is clipped, or no other flat frame has its exposure"
+            self._console.note(f"{frames[index][0]} tells no noise: {why}")
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart; light: see `ShotMeasurement`, the other arguments: see `measure_frames`."""
 
         def measured(path: str) -> ShotMeasurement:
-            mosaic, stated = self._read(path, "shot")
+            (mosaic, stated), name = self._read(path, "shot"), Path(path).name
             if (shading := mosaic.calibration.shading) and (
                 zoomed := shading.zoomed(mosaic.metadata.focal_length)
             ):
                 self._console.note(f"{path}: {zoomed}")
             assumed = self.seen.assumed(mosaic.calibration)
             try:
-                return measure_chart(
-                    Path(path).name, mosaic, self.seen.chart_colours, corners, assumed
-                )
+                return measure_chart(name, mosaic, self.seen.chart_colours, corners, assumed)
             except InputError as error:
                 why = why_no_chart(mosaic) or str(error)
                 if self._is_far(stated):
@@ -327,9 +320,7 @@ class Session:
         black = np.array(self._known.get("black_level", stated.black_level))
         return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
 
-    def _unshaded(
-        self, paths: Sequence[str], kind: str, check: Callable[[Mosaic], None]
-    ) -> list[tuple[str, Mosaic]]:
+    def _unshaded(self, paths: Sequence[str], kind: str, check: Check) -> list[tuple[str, Mosaic]]:
         """Return the frames that can be read and are of this kind, without the shading that they state."""
 
         def read(path: str) -> tuple[str, Mosaic]:
@@ -339,19 +330,16 @@ class Session:
         return list(self._each(paths, kind, read))
 
     def _read(
-        self, path: str, kind: str, check: Callable[[Mosaic], None] = lambda _: None
+        self, path: str, kind: str, check: Check = lambda _: None
     ) -> tuple[Mosaic, SensorCalibration]:
         """Return a frame with what is known of the camera, and what the frame states.
-
-        check: raises InputError if the frame shows that it is of another kind.
 
         Raises InputError for a copy of a frame before, and if it is from another camera, or was taken with other settings.
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
-        stated = replace(
-            mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor
-        )
+        stated = mosaic.calibration.without_estimates()
+        stated = replace(stated, sensor=self._sensor or stated.sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))
@@ -359,11 +347,9 @@ class Session:
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
             first, before = self._paths[digest]
-            which = (
-                f"it is given twice, as {before} and as {kind}"
-                if first == path
-                else f"it is the same shot as {first}"
-            )
+            which = f"it is the same shot as {first}"
+            if first == path:
+                which = f"it is given twice, as {before} and as {kind}"
             raise InputError(f"{which}: a copy adds nothing; leave it out")
         self._paths[digest] = path, kind
         self.seen.stated_defects |= set(stated.defects)

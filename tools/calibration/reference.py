@@ -47,9 +47,7 @@ def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
     reference: (24, 3), XYZ (D50), white = 1, as read from the file; usual: those of the built-in chart.
     """
     first, second = (xyz_to_lab(colours) for colours in (reference, usual))
-    difference = delta_e_2000(
-        np.repeat(first, PATCHES, axis=0), np.tile(second, (PATCHES, 1))
-    ).reshape(PATCHES, PATCHES)
+    difference = delta_e_2000(*np.broadcast_arrays(first[:, None], second[None]))
     patches, places = linear_sum_assignment(difference)
     matched, own = difference[patches, places], np.diag(difference)
     wrong = np.flatnonzero(own - matched > _EXCHANGED)
@@ -67,26 +65,21 @@ def _reference(text: str) -> DoubleArray:
     columns = next((names for names in _COLUMNS if all(name in fields for name in names)), None)
     if columns is None:
         spectra = any(field.upper().startswith(("SPEC", "NM")) for field in fields)
-        remedy = (
-            "; it has spectra: turn them into XYZ for D50 and 2 degrees, as Argyll's spec2cie does"
-            if spectra
-            else ""
-        )
-        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B{remedy}")
+        remedy = "turn them into XYZ for D50 and 2 degrees, as Argyll's spec2cie does"
+        why = f"; it has spectra: {remedy}" if spectra else ""
+        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B{why}")
     if len(rows) != PATCHES:
         raise InputError(f"{len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
-        values = np.array(
-            [[float(row[fields.index(column)]) for column in columns] for row in rows]
-        )
+        places = [fields.index(column) for column in columns]
+        values = np.array([[float(row[place]) for place in places] for row in rows])
     except ValueError as error:
         raise InputError(str(error)) from None
     if not np.isfinite(values).all():
         raise InputError("a colour is not a finite number")
     labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
-    orders = [
-        order for label in labels if (order := _order([row[fields.index(label)] for row in rows]))
-    ]
+    every = [_order([row[fields.index(label)] for row in rows]) for label in labels]
+    orders = [order for order in every if order]
     if labels and not orders:
         raise InputError(
             f"{' or '.join(labels)} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once"
@@ -170,9 +163,8 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
     words = words[data]
     if not fields or len(words) % len(fields):
         raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields")
-    return fields, [
-        words[start : start + len(fields)] for start in range(0, len(words), len(fields))
-    ]
+    starts = range(0, len(words), len(fields))
+    return fields, [words[start : start + len(fields)] for start in starts]
 
 
 def _order(names: list[str]) -> list[int]:

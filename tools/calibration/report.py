@@ -28,16 +28,17 @@ _PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def write_report(
-    result: Result, provenance: Mapping[str, str], worded: Callable[[str], str] = str
-) -> bytes:
+Worded = Callable[[str], str]
+
+
+def write_report(result: Result, made: Mapping[str, str], worded: Worded = str) -> bytes:
     """Return the content of the page's file.
 
     Parameters
     ----------
     result
         Of the calibration.
-    provenance
+    made
         Date, program, ...
     worded
         Puts messages into the reader's words.
@@ -47,7 +48,7 @@ def write_report(
     return render_page(
         _TEMPLATE,
         title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        made=", ".join(provenance.values()),
+        made=", ".join(made.values()),
         verdict=result.verdict.capitalize(),
         tone=_TONES[result.verdict],
         refusal=worded(result.refusal),
@@ -84,9 +85,8 @@ def _plot_residuals(axes: "Axes", result: Result) -> None:
     for fit in (shot.fit for shot in result.seen.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
-            axes.scatter(
-                fit.level[here], percent[here], s=38, c=colours[here], marker=marker, **edge
-            )
+            look = {"s": 38, "c": colours[here], "marker": marker}
+            axes.scatter(fit.level[here], percent[here], **look, **edge)
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 
@@ -135,7 +135,6 @@ def _glow(light: DoubleArray) -> list[tuple[float, int]]:
 
 def _css_colours(lab: DoubleArray) -> list[str]:
     """Return CSS colours for L*a*b* (N, 3): sRGB, clipped."""
-    encoded = encode_srgb(
-        (lab_to_xyz(lab) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T).astype(np.float32)
-    )
+    linear = np.linalg.solve(np.array(SRGB_TO_XYZ), lab_to_xyz(lab).T).T
+    encoded = encode_srgb(linear.astype(np.float32))
     return ["#" + "".join(f"{round(255 * value):02x}" for value in row) for row in encoded.tolist()]

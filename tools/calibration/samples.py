@@ -68,17 +68,11 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
-    levels, planes, number = (
-        levels_of(mosaic),
-        mosaic.pattern.filter_map(mosaic.shape),
-        len(mosaic.pattern.planes),
-    )
+    levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
+    planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
     # what saturates is what the sensor reads
     clipped = levels_of(without(mosaic, "shading")) >= CLIPPED
-    moments = [
-        _moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number)
-        for pixels in patches
-    ]
+    moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     at_white = np.array([clipped[pixels].any() for pixels in patches])
     last = np.array(mosaic.shape) - 1
@@ -93,13 +87,11 @@ def _moments(
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
-    shading = (
-        np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
-    )
-    return np.array(
-        [_robust(values[plane == each], shading[plane == each]) for each in range(number)],
-        np.float64,
-    ).T
+    shading = np.ones(values.size)
+    if fitted[0] > 0:
+        shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0)
+    own = [plane == each for each in range(number)]
+    return np.array([_robust(values[here], shading[here]) for here in own], np.float64).T
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:

@@ -165,9 +165,8 @@ def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> F
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
     """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
     try:
-        mean = float(
-            fit_colour(patch_means(picture, place)[0], reference, place.cells).difference.mean()
-        )
+        means, _ = patch_means(picture, place)
+        mean = float(fit_colour(means, reference, place.cells).difference.mean())
     except (InputError, np.linalg.LinAlgError):
         return float("inf")
     return mean if np.isfinite(mean) else float("inf")
@@ -231,10 +230,8 @@ def _misfit(
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (
-        float(_at(root, *place.at(*points.T)).mean()) for points in (_GAPS, place.cells)
-    )
-    return float(np.minimum(rough, 0.5).mean()) + gaps / max(patches, 1e-6)
+    gaps, patches = (_at(root, *place.at(*each.T)).mean() for each in (_GAPS, place.cells))
+    return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
 
 
 def _gap_points(lines: int, length: int) -> DoubleArray:

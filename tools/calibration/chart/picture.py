@@ -38,13 +38,9 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
         )
     )
     places = np.meshgrid(down, across, indexing="ij")
-    chromaticity = np.stack(
-        [
-            map_coordinates(plane, places, order=1, mode="nearest")
-            for plane in np.moveaxis(ratios, -1, 0)
-        ],
-        -1,
-    )
+    planes = np.moveaxis(ratios, -1, 0)
+    filled = [map_coordinates(plane, places, order=1, mode="nearest") for plane in planes]
+    chromaticity = np.stack(filled, axis=-1)
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
@@ -69,13 +65,9 @@ def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
 
     image = Image.fromarray(shown_picture(linear_picture(mosaic)))
     draw, width = ImageDraw.Draw(image), max(1, round(place.pitch / 40))
-    chart = np.array([place.corners])
-    for quads, colour in (
-        (place.patch_corners(PATCH), "white"),
-        (place.patch_corners(INNER), "magenta"),
-        (chart, "cyan"),
-    ):
-        for quad in quads:
+    quads = (place.patch_corners(PATCH), place.patch_corners(INNER), np.array([place.corners]))
+    for each, colour in zip(quads, ("white", "magenta", "cyan"), strict=True):
+        for quad in each:
             draw.polygon(quad.ravel().tolist(), outline=colour, width=width)
     return np.asarray(image)
 

@@ -61,9 +61,8 @@ class ChartPlace:
     @cached_property
     def _to_frame(self) -> DoubleArray:
         edge = (1 - PATCH) / 2
-        return homography(
-            rectangle(edge, edge, COLUMNS - edge, ROWS - edge), np.array(self.corners, float)
-        )
+        patches = rectangle(edge, edge, COLUMNS - edge, ROWS - edge)
+        return homography(patches, np.array(self.corners, float))
 
     def __str__(self) -> str:
         return " ".join(f"{x:.0f},{y:.0f}" for x, y in self.corners)
@@ -95,10 +94,8 @@ class ChartPlace:
     @property
     def cells(self) -> DoubleArray:
         """The centres of the patches in cells, (24, 2): x and y."""
-        return np.stack(
-            [np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)],
-            axis=1,
-        )
+        rows, columns = np.indices((ROWS, COLUMNS)) + 0.5
+        return np.stack([columns.ravel(), rows.ravel()], axis=1)
 
 
 def _pixels(corners: DoubleArray) -> Pixels:
@@ -108,7 +105,7 @@ def _pixels(corners: DoubleArray) -> Pixels:
     rows, columns = np.mgrid[top:bottom, left:right]
     x, y = columns + 0.5, rows + 0.5
     sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
-    inside = np.logical_and.reduce(
-        [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides]
-    )
+    inside = np.ones(x.shape, bool)
+    for (x0, y0), (x1, y1) in sides:
+        inside &= (x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0)
     return rows[inside], columns[inside]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -46,15 +47,12 @@ def colour(seen: Measurements) -> Part | None:
     lights = seen.lights or ("",)
     charts = {light: _charts(seen, light) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
-        refusal = (
-            f"no chart without clipped patches was found under the light {' and '.join(missing)}"
-        )
+        why = "no chart without clipped patches was found under the light"
+        refusal = f"{why} {' and '.join(missing)}"
         return Part("colour", refusal=refusal) if seen.lights else None
     if seen.lights and (wrong := _wrong_lights(charts)):
         return Part("colour", refusal=wrong)
-    best = [
-        min(charts[light], key=lambda chart: float(chart.fit.left_out.mean())) for light in lights
-    ]
+    best = [min(each, key=lambda chart: chart.fit.left_out.mean()) for each in charts.values()]
     warnings, contradictions = [], []
     for chart in best:
         mean = float(chart.fit.difference.mean())
@@ -65,23 +63,14 @@ def colour(seen: Measurements) -> Part | None:
         elif mean > _GOOD:
             warnings.append(f"{off} {_GOOD:.0f}")
     facts = [_facts(chart) for chart in best]
-    if not seen.lights:
-        (fit,) = (chart.fit for chart in best)
-        changes = {
-            "camera_to_xyz": as_rows(fit.matrix),
-            "neutral": tuple(fit.neutral.tolist()),
-            "lights": None,
-        }
-        return Part("colour", facts[0], changes, warnings, contradictions, result=best)
-    found = tuple(
-        CalibratedLight(light, as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist()))
-        for light, chart in zip(lights, best, strict=True)
-    )
-    every = {name: [each[name] for each in facts] for name in facts[0]}
-    changes = {"lights": found, "neutral": None, "neutral_estimated": False}
-    return Part(
-        "colour", {"light": list(lights)} | every, changes, warnings, contradictions, result=best
-    )
+    found = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
+    every: dict[str, Any] = facts[0]
+    changes: dict[str, Any] = {"camera_to_xyz": found[0][0], "neutral": found[0][1], "lights": None}
+    if seen.lights:
+        every = {"light": list(lights)} | {name: [each[name] for each in facts] for name in every}
+        both = (CalibratedLight(light, *each) for light, each in zip(lights, found, strict=True))
+        changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
+    return Part("colour", every, changes, warnings, contradictions, result=best)
 
 
 def _charts(seen: Measurements, light: str) -> list[ChartColours]:
@@ -92,14 +81,10 @@ def _charts(seen: Measurements, light: str) -> list[ChartColours]:
             levels = reconciled(shot.places, gamma.gamma)
             known, before = shot.calibration.camera_to_xyz, None
             if known is not None or shot.calibration.channels == "RGB":
-                before = white_balanced(
-                    levels, seen.chart_colours, np.array(SRGB_TO_XYZ if known is None else known)
-                )
-            charts.append(
-                ChartColours(
-                    shot, fit_colour(levels, seen.chart_colours, shot.chart.place.cells), before
-                )
-            )
+                matrix = np.array(SRGB_TO_XYZ if known is None else known)
+                before = white_balanced(levels, seen.chart_colours, matrix)
+            fit = fit_colour(levels, seen.chart_colours, shot.chart.place.cells)
+            charts.append(ChartColours(shot, fit, before))
     return charts
 
 
@@ -135,23 +120,23 @@ def _uneven(chart: ChartColours) -> list[str]:
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     """Return which shots cannot be under the two lights that are named, and what to do; "" if all can."""
     (one, first), (other, second) = charts.items()
-    changes = [
-        (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
-        for a, b in product(first, second)
-    ]
-    change, a, b = min(changes)
+    changes = []
+    for a, b in product(first, second):
+        change = light_change(a.fit, b.fit, (one, other))
+        changes.append((change, a.shot.name, b.shot.name))
+    change, warm, cold = min(changes)
     least, most = _LIKELY_CHANGE
-    if change <= -least:
-        return (
-            f"{a} is given as under {one} and {b} as under {other}, but white changes the other way from one to the other: the two "
-            "lights are exchanged; name the light of each shot (`chart_light`)"
-        )
     if change >= least:
-        change, a, b = max(changes)
+        change, warm, cold = max(changes)
     if least <= change <= most:
         return ""
+    said = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
+    if change <= -least:
+        return (
+            f"{said} the other way from one to the other: the two lights are exchanged; name the light of each shot "
+            "(`chart_light`)"
+        )
     return (
-        f"{a} is given as under {one} and {b} as under {other}, but white changes {max(change, 0):.1f} times as much from one "
-        f"to the other as between these lights, {least:g} to {most:g} times are likely: name the light under which each was taken "
-        "(`chart_light`), or take the chart anew under these two"
+        f"{said} {max(change, 0):.1f} times as much from one to the other as between these lights, {least:g} to {most:g} times are "
+        "likely: name the light under which each was taken (`chart_light`), or take the chart anew under these two"
     )

@@ -64,11 +64,8 @@ def black_error(seen: Measurements) -> DoubleArray:
     offset, error = fit.offset
     black = np.array(fit.calibration.black_level)
     # On all planes in common, and on each by itself.
-    common = (
-        np.hypot(offset, error)
-        / max(abs(1 - float(fit.gamma.sum())), _LEVER)
-        * (fit.calibration.white_level - black)
-    )
+    lever = max(abs(1 - float(fit.gamma.sum())), _LEVER)
+    common = np.hypot(offset, error) / lever * (fit.calibration.white_level - black)
     return np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
 
 
@@ -120,10 +117,8 @@ def _wrong_black(fit: GammaFit) -> str:
         codes, codes_error = (abs(value * span / lever) for value in (offset, error))
         direction = "higher" if offset / lever > 0 else "lower"
         seems = f": it seems to be {codes:.1f} ± {codes_error:.1g} codes {direction}"
-    which, remedy = (
-        "that is assumed",
-        "take dark frames (`dark`), and give them together with these shots",
-    )
+    which = "that is assumed"
+    remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
         which = "that the dark frames show"
         remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
@@ -135,12 +130,9 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     warnings = []
     tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD:
-        remedy = (
-            "white light would help"
-            if tints
-            else "more light, a larger chart, more shots or flat frames (`flat`) would help"
-        )
-        warnings.append(f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy}")
+        remedy = "more light, a larger chart, more shots or flat frames (`flat`)"
+        known = f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %)"
+        warnings.append(f"{known}: {'white light' if tints else remedy} would help")
     warnings += tints
     if fit.spread > _SPREAD:
         warnings.append(
@@ -150,12 +142,10 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     for shot in shots:
         clipped = int(shot.places.clipped.sum())
         if clipped:
-            warnings.append(
-                f"{shot.name}: {clipped} of {PATCHES} patches are clipped and were left out; expose less to measure colours"
-            )
+            part = f"{clipped} of {PATCHES} patches are clipped and were left out"
+            warnings.append(f"{shot.name}: {part}; expose less to measure colours")
         left_out = int((~shot.fit.used).sum()) - clipped
         if left_out > 0:
-            warnings.append(
-                f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)"
-            )
+            part = f"{left_out} patches do not fit the others and were left out"
+            warnings.append(f"{shot.name}: {part} (reflections, dust?)")
     return warnings

@@ -1,5 +1,6 @@
 """Black level, defects, noise and shading, from dark and flat frames."""
 
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -47,9 +48,8 @@ def defects(seen: Measurements) -> Part | None:
     found = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
     part, warnings = len(found) / seen.base.samples.size, []
     if gone := sorted(stated.difference(found)):
-        places = ", ".join(f"{row} {column}" for row, column in gone[:_NAMED]) + (
-            ", ..." if len(gone) > _NAMED else ""
-        )
+        named = [f"{row} {column}" for row, column in gone]
+        places = ", ".join(named[:_NAMED] + ["..."] * (len(named) > _NAMED))
         warnings.append(
             f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, and are left out (row and column "
             f"{places})"
@@ -67,21 +67,17 @@ def defects(seen: Measurements) -> Part | None:
 def noise(seen: Measurements) -> Part | None:
     """Return the noise of each plane."""
     if not seen.flats:
-        line = (
-            "noise was not measured; take pairs of flat frames (`flat`), and dark frames (`dark`)"
-        )
+        remedy = "take pairs of flat frames (`flat`), and dark frames (`dark`)"
+        line = f"noise was not measured; {remedy}"
         return Part("noise", warnings=[line]) if seen.shots and "noise" not in seen.known else None
     found = noise_of_flats(seen.flats, seen.calibration, seen.dark, black_error(seen))
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = seen.calibration.full_scale, 0.0, seen.gamma
     if gamma is not None:
         full_scale, error = float(gamma.gamma.sum()), float(gamma.covariance.sum()) ** 0.5
-    shot_error = np.array(
-        [np.hypot(full_scale * line.shot_error, error * line.shot) for line in found.lines]
-    )
-    read_error = np.array(
-        [np.hypot(full_scale * line.read_error, error * line.read) for line in found.lines]
-    )
+    shot, read, shot_own, read_own = np.array([astuple(line) for line in found.lines]).T
+    shot_error = np.hypot(full_scale * shot_own, error * shot)
+    read_error = np.hypot(full_scale * read_own, error * read)
     return Part(
         "noise",
         {
@@ -110,9 +106,8 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
             warnings.append(f"read noise is {known}; take more dark frames (`dark`)")
         else:
             instead = "; take dark frames (`dark`)" if dark is None else " either"
-            warnings.append(
-                f"read noise is {known}, because {noise.source} hardly show it{instead}"
-            )
+            why = f"because {noise.source} hardly show it{instead}"
+            warnings.append(f"read noise is {known}, {why}")
     return warnings
 
 
