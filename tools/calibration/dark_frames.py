@@ -23,9 +23,8 @@ _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
 # of the range of codes: black levels of the planes that differ by less are those of electronics
 _LEAK = 1 / 1024
 _LEAST_LEAK = 3.0  # codes
-_IN_LINE = (
-    0.9  # correlation of levels and variances of the planes, from which on both rise together
-)
+# Correlation of levels and variances of the planes, from which on both rise together.
+_IN_LINE = 0.9
 
 
 @dataclass(frozen=True, eq=False)

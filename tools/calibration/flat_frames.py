@@ -12,7 +12,7 @@ from shared.shading import ZOOMED
 from .samples import CLIPPED, levels_of
 
 Named = tuple[str, Mosaic]
-
+"""A frame after its name."""
 _CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
 _PARTS = 4  # of an axis, in which frames are compared with each other
 _UNLIKE = 0.03  # share by which the light of a frame may fall off in another way than that of all together
@@ -32,10 +32,7 @@ def common_focal_length(frames: Sequence[Named]) -> float | None:
     return shortest
 
 
-Named = Sequence[tuple[str, Mosaic]]
-
-
-def mean_of_unclipped(frames: Named) -> tuple[DoubleArray, dict[str, DoubleArray]]:
+def mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, DoubleArray]]:
     """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic light in parts of each.
 
     Raises InputError if all are clipped.

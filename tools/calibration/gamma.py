@@ -419,10 +419,8 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
 def check_determined(fit: GammaFit) -> None:
     """Raise InputError that says what to shoot instead, unless every gamma is positive and known to WORST_INTERVAL."""
     if fit.gamma.min() <= 0 or fit.worst > WORST_INTERVAL:
-        figures = ", ".join(
-            f"{value:.3g} ± {half:.2g}"
-            for value, half in zip(fit.gamma, fit.half_width, strict=True)
-        )
+        pairs = zip(fit.gamma, fit.half_width, strict=True)
+        figures = ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in pairs)
         raise InputError(
             f"gamma is only known to be {figures}, and {100 * WORST_INTERVAL:.0f} % are needed: {_INSTEAD}; "
             "more light or more shots help too"

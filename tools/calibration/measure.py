@@ -289,9 +289,8 @@ class Session:
 
         def measured(path: str) -> ShotMeasurement:
             (mosaic, stated), name = self._read(path, "shot"), Path(path).name
-            if (shading := mosaic.calibration.shading) and (
-                zoomed := shading.zoomed(mosaic.metadata.focal_length)
-            ):
+            shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
+            if shading and (zoomed := shading.zoomed(focal_length)):
                 self._console.note(f"{path}: {zoomed}")
             assumed = self.seen.assumed(mosaic.calibration)
             try:
@@ -356,9 +355,8 @@ class Session:
         if self.seen.base is None:
             self._base_path = path
         if self.seen.base is None or (kind == "shot" and not self._has_shot):
-            self.seen.base = (
-                mosaic  # a shot of the chart states colours and noise, where others may not
-            )
+            # A shot of the chart states colours and noise, where others may not.
+            self.seen.base = mosaic
         self._has_shot |= kind == "shot"
         return mosaic, stated
 

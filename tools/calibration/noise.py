@@ -199,10 +199,15 @@ def noise_of_flats(
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
     points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))
     known = dark if dark is not None and dark.shows_read else None
-    samples, lines = (points.mean, points.variance, points.count), []
+    lines = []
     for plane, full in enumerate(span.tolist()):
         read = None if known is None else float(known.read[plane] / full)
-        line = fit_photon_transfer(*(values[:, plane] for values in samples), read)
+        mean, variance, count = (
+            points.mean[:, plane],
+            points.variance[:, plane],
+            points.count[:, plane],
+        )
+        line = fit_photon_transfer(mean, variance, count, read)
         # Black that is off stretches the levels, and moves the line's intercept.
         moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
         if known is None:

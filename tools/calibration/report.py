@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _TEMPLATE = Path(__file__).with_name("report.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
 _PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
+_EDGE = "#1f1f1c"
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
@@ -81,12 +82,11 @@ def write_report(result: Result, made: Mapping[str, str], worded: Worded = str) 
 def _plot_residuals(axes: "Axes", result: Result) -> None:
     """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were left out are crosses."""
     colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
-    edge = {"edgecolors": "#1f1f1c", "linewidths": 0.6}
     for fit in (shot.fit for shot in result.seen.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
-            look = {"s": 38, "c": colours[here], "marker": marker}
-            axes.scatter(fit.level[here], percent[here], **look, **edge)
+            x, y, fill = fit.level[here], percent[here], colours[here]
+            axes.scatter(x, y, s=38, c=fill, marker=marker, edgecolors=_EDGE, linewidths=0.6)
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 

@@ -31,7 +31,7 @@ _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # third differences of control points that are likely: large in the corners of fast lenses
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
 _ROUNDS = (
-    2  # the second one sees tiles that are nearly even: their means are then those of their middles
+    2  # the second one sees tiles that are nearly even, whose means are those of their middles
 )
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
@@ -278,12 +278,11 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
 
     seen, *weights = np.log(tiles.light / tiles.gain)[-1], *(tiles.light / tiles.error)
     tilt, side, squares = tilted(np.zeros(2), seen, weights[-1])
-    displaced = least_squares(
-        lambda centre: around(centre, seen, weights[-1])[0],
-        np.zeros(2),
-        bounds=(-1, 1),
-        x_scale=0.1,
-    )
+
+    def residuals(centre: DoubleArray) -> DoubleArray:
+        return around(centre, seen, weights[-1])[0]
+
+    displaced = least_squares(residuals, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:

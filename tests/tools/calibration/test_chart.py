@@ -33,7 +33,11 @@ SHARMA = np.array([
     (90.9257, -0.5406, -0.9208, 88.6381, -0.8985, -0.7239, 1.5381),
     (2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082),
 ])  # fmt: skip
-MATRIX = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]]) * [1.6, 1.0, 1.4]
+MATRIX = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]]) * [
+    1.6,
+    1.0,
+    1.4,
+]
 CELLS, CORNERS = true_place().cells, true_place().corners
 READINGS = REFERENCE @ np.linalg.inv(MATRIX).T
 
@@ -58,7 +62,9 @@ def test_the_true_matrix_comes_back_and_white_stays_white() -> None:
     np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-12)
     assert fit.neutral.max() == 1.0
     white = np.linalg.solve(MATRIX, D50)
-    np.testing.assert_allclose(fit.neutral, white / white.max(), rtol=0.02)  # the greys of the chart are nearly grey
+    np.testing.assert_allclose(
+        fit.neutral, white / white.max(), rtol=0.02
+    )  # the greys of the chart are nearly grey
     assert fit.difference.mean() < 0.5
     assert fit.left_out.mean() < 0.7
     assert fit.unevenness < 1.02
@@ -132,7 +138,9 @@ def shot_of(name: str, period: int = 4) -> Mosaic:
     """A shot simulated from a photograph."""
     says, pattern = SensorCalibration.of_bits(12), CfaPattern.bayer(period)
     rgb = load_scene(str(photograph(name))).rgb
-    return Mosaic(simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0)).codes, pattern, says)
+    return Mosaic(
+        simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0)).codes, pattern, says
+    )
 
 
 @pytest.mark.parametrize("name", ["chart/g2_full.crw", "raw/outdoor2.dng", "raw/outdoor4.dng"])
@@ -143,7 +151,9 @@ def test_the_charts_of_photographs_are_found(name: str) -> None:
 def far() -> Mosaic:
     """The chart at a quarter of its size, by a camera with large blocks."""
     scene = np.full((300, 400, 3), 0.35)
-    scene[100:200, 120:270] = chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3))
+    scene[100:200, 120:270] = (
+        chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3))
+    )
     return frame(scene, 8)
 
 
@@ -156,12 +166,23 @@ def at(corners: Matrix, scene: FloatArray) -> object:
     [
         (lambda: find_chart(frame(wall()), REFERENCE), "no ColorChecker was found"),
         (lambda: find_chart(frame(chart().rgb[:, ::-1]), REFERENCE), "no ColorChecker was found"),
-        (lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE), "no ColorChecker was found whole inside the frame"),
-        (lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
-        (lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
+        (
+            lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
+        (
+            lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
+        (
+            lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
         (lambda: find_chart(far(), REFERENCE), f"too small.*period 8 needs {least_pitch(8)}"),
         (
-            lambda: chart_at(far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE),
+            lambda: chart_at(
+                far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE
+            ),
             f"too small.*period 8 needs {least_pitch(8)}",
         ),
         (lambda: at(as_rows(rectangle(5, 5, 300, 200)), chart().rgb), "there is no ColorChecker"),
@@ -171,7 +192,9 @@ def at(corners: Matrix, scene: FloatArray) -> object:
         (lambda: fit_colour(READINGS * [1, 1, 0], REFERENCE, CELLS), "no light"),
     ],
 )
-def test_what_is_no_chart_that_can_be_measured_is_refused_with_the_reason(look: Callable[[], object], words: str) -> None:
+def test_what_is_no_chart_that_can_be_measured_is_refused_with_the_reason(
+    look: Callable[[], object], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         look()
 

@@ -11,7 +11,15 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
-from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    NOISE,
+    REFERENCE,
+    TRUTH,
+    chart,
+    frame,
+    true_place,
+)
 from tools.calibration.conclude import conclude
 from tools.calibration.dark_frames import DarkResult
 from tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
@@ -26,7 +34,13 @@ BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green a
 DARKER = darker_corners(SHAPE)
 DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
 LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
-FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool), np.zeros((3, 2))), ())
+FLAT = FlatResult(
+    3,
+    PlaceSamples(
+        LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool), np.zeros((3, 2))
+    ),
+    (),
+)
 
 
 def on_chart(taken: Mosaic) -> ShotMeasurement:
@@ -53,11 +67,16 @@ def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **s
 def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
     """Noise is in scene units; in codes it is the same."""
     known = replace(BLIND, noise=NOISE)
-    for new in (concluded(shots=[shot()], says={"noise": NOISE}), concluded(Camera(known, PATTERN), shots=[shot()])):
+    for new in (
+        concluded(shots=[shot()], says={"noise": NOISE}),
+        concluded(Camera(known, PATTERN), shots=[shot()]),
+    ):
         ratio = new.calibration.full_scale / known.full_scale
         assert abs(ratio - 1) > 0.05
         for name in ("shot", "read"):
-            np.testing.assert_allclose(getattr(new.calibration.noise, name), ratio * np.array(getattr(NOISE, name)))
+            np.testing.assert_allclose(
+                getattr(new.calibration.noise, name), ratio * np.array(getattr(NOISE, name))
+            )
 
 
 def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all() -> None:
@@ -68,6 +87,15 @@ def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all()
     assert concluded(old, flats=dead, dark=hot).calibration.defects == ((1, 2), (3, 4))
 
 
+def test_parts_that_were_measured_with_a_black_level_far_off_are_named() -> None:
+    known = {"gamma": {}, "colour": {}, "black_level": {"standard_error": [0.01] * 4}}
+    for black, count in ((256.0, 0), (262.0, 1)):
+        old = Camera(replace(BLIND, black_level=(black,) * 4), PATTERN, known)
+        warnings = conclude(Measurements(REFERENCE, base_of(), old, DARK)).warnings
+        said = "the black level is 6.0 codes off the one with which gamma, colour"
+        assert sum(said in line for line in warnings) == count
+
+
 def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     known = Camera(replace(BLIND, shading=DARKER), PATTERN, {"shading": {"corner": [1, 0, 1]}})
     assert concluded(known, dark=DARK).calibration.shading == DARKER
@@ -76,12 +104,17 @@ def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     assert "corner" not in measured.measured["shading"]
 
 
-@pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
+@pytest.mark.parametrize(
+    ("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")]
+)
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
     other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
     outcome = conclude(Measurements(other, base_of(), dark=DARK, flats=FLAT, shots=[shot()]))
     assert outcome.verdict == verdict
-    assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
+    assert re.search(
+        "colours differ from the reference by a mean dE2000",
+        " ".join((*outcome.contradictions, *outcome.warnings)),
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -90,9 +123,13 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
     """Even where correcting the colours for it works."""
     slope = np.linspace(1, 1 / brighter, chart().shape[axis])
     taken = frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))
-    outcome = conclude(Measurements(REFERENCE, base_of(), dark=DARK, flats=FLAT, shots=[on_chart(taken)]))
+    outcome = conclude(
+        Measurements(REFERENCE, base_of(), dark=DARK, flats=FLAT, shots=[on_chart(taken)])
+    )
     assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
-    assert any("the light on the chart is uneven" in line for line in outcome.warnings) == (brighter > 1)
+    assert any("the light on the chart is uneven" in line for line in outcome.warnings) == (
+        brighter > 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -102,10 +139,17 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
         (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
-def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
+def test_channels_that_are_exchanged_show_on_the_chart(
+    right: CfaPattern, wrong: CfaPattern, names: str
+) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
-    taken = replace(simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says)
+    taken = replace(
+        simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says
+    )
     np.testing.assert_allclose(on_chart(taken).fit.gamma, TRUTH.gamma, rtol=0.02)
-    with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
+    with pytest.raises(
+        InputError,
+        match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}",
+    ):
         on_chart(replace(taken, pattern=wrong))

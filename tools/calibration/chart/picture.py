@@ -54,9 +54,8 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SH
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
-    return (255 * np.clip(chosen / np.maximum(bright, 1e-6), 0, 1) ** (1 / exponent)).astype(
-        np.uint8
-    )
+    share = np.clip(chosen / np.maximum(bright, 1e-6), 0, 1)
+    return (255 * share ** (1 / exponent)).astype(np.uint8)
 
 
 def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:

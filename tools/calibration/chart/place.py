@@ -16,9 +16,8 @@ COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
 PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
 INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
-LEAST_PERIODS = (
-    2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
-)
+# Measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3.
+LEAST_PERIODS = 2.5
 NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
     "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
