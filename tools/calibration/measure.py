@@ -337,8 +337,9 @@ class Session:
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
-        stated = mosaic.calibration.without_estimates()
-        stated = replace(stated, sensor=self._sensor or stated.sensor)
+        stated, base = mosaic.calibration.without_estimates(), self.seen.base
+        sensor = self._sensor or stated.sensor or (base.calibration.sensor if base else "")
+        stated = replace(stated, sensor=sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))

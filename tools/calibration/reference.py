@@ -35,8 +35,7 @@ def read_reference(path: Path) -> DoubleArray:
     order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
     """
     try:
-        text = read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1")
-        return _reference(text)
+        return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -81,9 +80,8 @@ def _reference(text: str) -> DoubleArray:
     every = [_order([row[fields.index(label)] for row in rows]) for label in labels]
     orders = [order for order in every if order]
     if labels and not orders:
-        raise InputError(
-            f"{' or '.join(labels)} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once"
-        )
+        wanted = f"each of the patches A1 to F4 (or 1 to {PATCHES}) once"
+        raise InputError(f"{' or '.join(labels)} does not name {wanted}")
     ordered = np.empty_like(values)
     ordered[orders[0] if orders else list(range(PATCHES))] = values
     _check_light(text)
@@ -104,26 +102,18 @@ def _scaled(values: DoubleArray) -> DoubleArray:
 
 def _from_lab(values: DoubleArray) -> DoubleArray:
     """Return XYZ with white = 1, from L*a*b* (D50)."""
-    light = values[:, 0]
-    if (
-        light.min() < 0
-        or light.max() > _MOST_LIGHTNESS
-        or np.abs(values[:, 1:]).max() > _MOST_CHROMA
-    ):
-        raise InputError(
-            f"L*a*b* lies beyond L* 0 to 100 and a*, b* -{_MOST_CHROMA} to {_MOST_CHROMA}; is it encoded?"
-        )
+    light, chroma = values[:, 0], np.abs(values[:, 1:])
+    if light.min() < 0 or light.max() > _MOST_LIGHTNESS or chroma.max() > _MOST_CHROMA:
+        limits = f"L* 0 to 100 and a*, b* -{_MOST_CHROMA} to {_MOST_CHROMA}"
+        raise InputError(f"L*a*b* lies beyond {limits}; is it encoded?")
     return lab_to_xyz(values)
 
 
 def _checked(reference: DoubleArray) -> DoubleArray:
     """Return the reference. Raises InputError unless its greys get darker from patch to patch and are grey for D50."""
     grey = reference[_WHITE:]
-    if (
-        reference.min() < 0
-        or not _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE
-        or (np.diff(grey[:, 1]) >= 0).any()
-    ):
+    darker = (np.diff(grey[:, 1]) < 0).all() and _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE
+    if reference.min() < 0 or not darker:
         raise InputError(
             "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, to black; correct scale or order"
         )
@@ -140,9 +130,8 @@ def _check_light(text: str) -> None:
     header = text.partition("BEGIN_DATA_FORMAT")[0]
     for said, remedy in ((_LIGHT.search(header), "D50"), (_OBSERVER.search(header), "2 degrees")):
         if said:
-            raise InputError(
-                f"says {' '.join(said[0].split())}; its colours have to be for {remedy}"
-            )
+            light = " ".join(said[0].split())
+            raise InputError(f"says {light}; its colours have to be for {remedy}")
 
 
 def _table(text: str) -> tuple[list[str], list[list[str]]]:
@@ -157,9 +146,8 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
     except ValueError:
         raise InputError("is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
     if comma := next((bare for _, bare in pairs[data] if "," in bare), ""):
-        raise InputError(
-            f"{comma} has a comma; CGATS has decimal points, and spaces or tabs between values"
-        )
+        remedy = "CGATS has decimal points, and spaces or tabs between values"
+        raise InputError(f"{comma} has a comma; {remedy}")
     words = words[data]
     if not fields or len(words) % len(fields):
         raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields")

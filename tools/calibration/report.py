@@ -45,6 +45,7 @@ def write_report(result: Result, made: Mapping[str, str], worded: Worded = str) 
         Puts messages into the reader's words.
     """
     camera, seen, parts = result.camera, result.seen, result.parts
+    told = () if result.refusal else result.contradictions  # a refusal names them already
     found = {name: part.result for name, part in parts.items() if part.result is not None}
     return render_page(
         _TEMPLATE,
@@ -53,7 +54,7 @@ def write_report(result: Result, made: Mapping[str, str], worded: Worded = str) 
         verdict=result.verdict.capitalize(),
         tone=_TONES[result.verdict],
         refusal=worded(result.refusal),
-        warnings=[worded(line) for line in (*result.contradictions, *result.warnings)],
+        warnings=[worded(line) for line in (*told, *result.warnings)],
         skipped=[worded(line) for line in seen.skipped],
         planes=seen.planes,
         shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
