@@ -16,9 +16,9 @@ from tools.io.colour_difference import delta_e_2000, lab_slopes
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 
-# neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
+# Neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light.
 GREYS = 19, 20, 21
-# brightest over dimmest light on the chart: worth a word if colours show it; in any case
+# Brightest over dimmest light on the chart: worth a word if colours show it; in any case.
 UNEVEN, VERY_UNEVEN = 1.25, 1.5
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 _STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36

@@ -11,13 +11,13 @@ from .samples import CLIPPED, levels_of, robust_deviation, without
 
 # Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind are told apart.
 _TILES = 24  # along each side
-# of full scale, and codes: in less light than that filters do not differ
+# Of full scale, and codes: in less light than that filters do not differ.
 _DARK, _LEAST_CODES = 1 / 1024, 3.0
-# above a black level that is assumed, or measured in dark frames that may be wrong
+# Above a black level that is assumed, or measured in dark frames that may be wrong.
 _NOT_DARK, _OFF = 0.1, 0.02
 _DIM = 0.1  # a white patch below it shows much more noise than one at three quarters
 _OVEREXPOSED = 0.2  # of the samples
-# between neighbouring tiles, of the logarithm of the light, and of full scale
+# Between neighbouring tiles, of the logarithm of the light, and of full scale.
 _STEP, _LEAST_STEP = 0.3, 0.005
 _STEPS = 0.05  # of the pairs of neighbouring tiles: no lens makes so many
 _NOISE = 6.0  # standard errors
@@ -47,7 +47,7 @@ class Content:
         """Return the content of a frame; its black level counts, its shading does not."""
         levels, period = levels_of(without(mosaic, "shading")), mosaic.pattern.period
         row, column = np.argwhere(mosaic.pattern.panchromatic_mask((period, period)))[0]
-        # one site of each period tells it
+        # One site of each period tells it.
         clear = levels[row::period, column::period].astype(np.float64)
         colours = [float(np.median(levels[*lattice])) for _, *lattice in mosaic.pattern.lattices]
         calibration = mosaic.calibration

@@ -18,9 +18,9 @@ _LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _NOT_DARK = 0.1  # of full scale above black
 _UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
 _DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
-# of the read noise: drift expected before any is seen, and its weight in frames
+# Of the read noise: drift expected before any is seen, and its weight in frames.
 _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
-# of the range of codes: black levels of the planes that differ by less are those of electronics
+# Of the range of codes: black levels of the planes that differ by less are those of electronics.
 _LEAK = 1 / 1024
 _LEAST_LEAK = 3.0  # codes
 # Correlation of levels and variances of the planes, from which on both rise together.
@@ -88,7 +88,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         samples = stack[:, here][:, good]
         levels = samples.mean(axis=1)
         if len(frames) > 1:
-            # what a whole frame drifts by is no read noise
+            # What a whole frame drifts by is no read noise.
             samples -= samples.mean(axis=1, keepdims=True)
             variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
         else:
@@ -99,7 +99,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         squares = ((levels - levels.mean()) ** 2).sum() + usual
         drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
         error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
-        # then the mean of the codes is not that of the samples, however many there are
+        # Then the mean of the codes is not that of the samples, however many there are.
         if read[plane] < HIDDEN:
             error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
         independent = good.sum() * max(len(frames) - 1, 1)
@@ -112,7 +112,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
 def _check_alike(samples: DoubleArray) -> None:
     """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
     levels, spreads = np.array([clipped_moments(frame) for frame in samples]).T
-    # of codes that happen not to change, rounding hides the noise
+    # Of codes that happen not to change, rounding hides the noise.
     noises = np.sqrt(spreads**2 + ROUNDING)
     for what, values, limit in (
         ("noise", noises, np.sqrt(_UNLIKE) * noises.min()),

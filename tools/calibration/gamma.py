@@ -48,7 +48,7 @@ _INSTEAD = (
     "filling at least a quarter of the frame"
 )
 _VISIBLE = 3  # channels: light of three primaries has no more independent ones
-# the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
+# The larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90.
 _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations

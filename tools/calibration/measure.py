@@ -31,9 +31,9 @@ from .noise import FlatResult, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without
 from .shading import ShadingResult, measure_shading
 
-# of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY)
+# Of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY).
 _FAR = 1 / 256
-# the white patch; part of full scale below which it shows much more noise than at three quarters
+# The white patch; part of full scale below which it shows much more noise than at three quarters.
 _WHITE, _DIM = 18, 0.1
 R = TypeVar("R")
 Check = Callable[[Mosaic], None]
@@ -215,7 +215,7 @@ class Session:
         read: Callable[[str], Mosaic] = read_dng,
     ) -> None:
         self._console, self._sensor, self._read_file = console, sensor, read
-        # fields of the calibration that count more than what a frame states
+        # Fields of the calibration that count more than what a frame states.
         self._known: dict[str, Any] = {}
         if old:
             self._known["shading"] = old.calibration.shading
@@ -366,7 +366,7 @@ class Session:
         if self.seen.base is None:
             return
         ours, first = _facts(mosaic), _facts(self.seen.base)
-        # dark frames measure it, whatever a frame states
+        # Dark frames measure it, whatever a frame states.
         if kind == "dark" or "black_level" in self._known:
             del ours["black level"]
         for name, fact in ours.items():

@@ -23,7 +23,7 @@ _WHITE = 18
 _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on charts sold
 _MOST_LIGHTNESS, _MOST_CHROMA = 100.5, 128
 _TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
-# dE2000: two patches differ by 9 and more, two charts of a kind by 1 to 3
+# dE2000: two patches differ by 9 and more, two charts of a kind by 1 to 3.
 _EXCHANGED, _OF_THE_SAME_CHART = 5.0, 6.0
 
 

@@ -70,7 +70,7 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     """
     levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
     planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
-    # what saturates is what the sensor reads
+    # What saturates is what the sensor reads.
     clipped = levels_of(without(mosaic, "shading")) >= CLIPPED
     moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)

@@ -24,11 +24,11 @@ from shared.shading import basis
 from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
 from .samples import robust_deviation
 
-# periods along a side of a tile, at least, and tiles along an axis
+# Periods along a side of a tile, at least, and tiles along an axis.
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
-# control points of the panchromatic gain, and of a colour's relative to it
+# Control points of the panchromatic gain, and of a colour's relative to it.
 _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
-# third differences of control points that are likely: large in the corners of fast lenses
+# Third differences of control points that are likely: large in the corners of fast lenses.
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
 _ROUNDS = (
     2  # the second one sees tiles that are nearly even, whose means are those of their middles

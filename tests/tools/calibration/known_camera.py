@@ -26,18 +26,14 @@ TRUTH = SensorCalibration(
     white_level=4095,
     sensor="bench",
 )
-BLIND = replace(
-    TRUTH, gamma=(1.0, 1.0, 1.0), noise=None
-)  # what a shot says of itself before calibration
+# What a shot says of itself before calibration.
+BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)
 
 
 def measured(says: SensorCalibration) -> Assumed:
     """What dark and flat frames leave open."""
-    return Assumed.of(
-        says,
-        measured={"black_level": {"standard_error": [0.01] * (len(says.channels) + 1)}},
-        even=True,
-    )
+    errors = [0.01] * (len(says.channels) + 1)
+    return Assumed.of(says, measured={"black_level": {"standard_error": errors}}, even=True)
 
 
 PATTERNS = {
@@ -64,17 +60,15 @@ def frame(
 ) -> Mosaic:
     """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None = Bayer blocks of this period."""
     pattern = pattern or CfaPattern.bayer(period)
-    taken = simulate_sensor(
-        np.asarray(rgb, np.float32), pattern, TRUTH, 1.0, np.random.default_rng(seed)
-    )
+    light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
+    taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
     return Mosaic(taken.codes, pattern, says)
 
 
 def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
     """The frame with other codes; edit: gets them as float64, a copy."""
-    return replace(
-        mosaic, samples=np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535).astype(np.uint16)
-    )
+    codes = np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535)
+    return replace(mosaic, samples=codes.astype(np.uint16))
 
 
 def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
@@ -103,10 +97,8 @@ def cgats(
 ) -> str:
     """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
     names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
-    rows = [
-        " ".join([name, *(f"{value:.6f}" for value in row)])
-        for name, row in zip(names, np.asarray(values), strict=True)
-    ]
+    texts = [" ".join(f"{value:.6f}" for value in row) for row in np.asarray(values)]
+    rows = [f"{name} {text}" for name, text in zip(names, texts, strict=True)]
     begin = f"{header}\nBEGIN_DATA_FORMAT\nSAMPLE_ID {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
     return begin + "\n".join(rows) + "\nEND_DATA\n"
 

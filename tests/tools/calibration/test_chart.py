@@ -33,11 +33,8 @@ SHARMA = np.array([
     (90.9257, -0.5406, -0.9208, 88.6381, -0.8985, -0.7239, 1.5381),
     (2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082),
 ])  # fmt: skip
-MATRIX = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]]) * [
-    1.6,
-    1.0,
-    1.4,
-]
+PLAIN = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]])
+MATRIX = PLAIN * [1.6, 1.0, 1.4]
 CELLS, CORNERS = true_place().cells, true_place().corners
 READINGS = REFERENCE @ np.linalg.inv(MATRIX).T
 
@@ -62,9 +59,8 @@ def test_the_true_matrix_comes_back_and_white_stays_white() -> None:
     np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-12)
     assert fit.neutral.max() == 1.0
     white = np.linalg.solve(MATRIX, D50)
-    np.testing.assert_allclose(
-        fit.neutral, white / white.max(), rtol=0.02
-    )  # the greys of the chart are nearly grey
+    # The greys of the chart are nearly grey.
+    np.testing.assert_allclose(fit.neutral, white / white.max(), rtol=0.02)
     assert fit.difference.mean() < 0.5
     assert fit.left_out.mean() < 0.7
     assert fit.unevenness < 1.02
@@ -138,9 +134,8 @@ def shot_of(name: str, period: int = 4) -> Mosaic:
     """A shot simulated from a photograph."""
     says, pattern = SensorCalibration.of_bits(12), CfaPattern.bayer(period)
     rgb = load_scene(str(photograph(name))).rgb
-    return Mosaic(
-        simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0)).codes, pattern, says
-    )
+    taken = simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0))
+    return Mosaic(taken.codes, pattern, says)
 
 
 @pytest.mark.parametrize("name", ["chart/g2_full.crw", "raw/outdoor2.dng", "raw/outdoor4.dng"])
@@ -151,10 +146,12 @@ def test_the_charts_of_photographs_are_found(name: str) -> None:
 def far() -> Mosaic:
     """The chart at a quarter of its size, by a camera with large blocks."""
     scene = np.full((300, 400, 3), 0.35)
-    scene[100:200, 120:270] = (
-        chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3))
-    )
+    cells = chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3)
+    scene[100:200, 120:270] = cells.mean(axis=(1, 3))
     return frame(scene, 8)
+
+
+Look = Callable[[], object]
 
 
 def at(corners: Matrix, scene: FloatArray) -> object:
@@ -192,9 +189,7 @@ def at(corners: Matrix, scene: FloatArray) -> object:
         (lambda: fit_colour(READINGS * [1, 1, 0], REFERENCE, CELLS), "no light"),
     ],
 )
-def test_what_is_no_chart_that_can_be_measured_is_refused_with_the_reason(
-    look: Callable[[], object], words: str
-) -> None:
+def test_what_is_no_chart_is_refused_with_the_reason(look: Look, words: str) -> None:
     with pytest.raises(InputError, match=words):
         look()
 

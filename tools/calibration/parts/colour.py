@@ -21,7 +21,7 @@ from .part import Part
 # that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
-# mean dE2000: an average chart in average light stays below; above it the colours are useless
+# Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD, _USELESS = 4.0, 6.0
 
 
@@ -107,7 +107,7 @@ def _uneven(chart: ChartColours) -> list[str]:
     """Warn of uneven light on a chart."""
     unevenness = chart.fit.unevenness
     least = UNEVEN if chart.fit.left_out.mean() > _CORRECTED else VERY_UNEVEN
-    # in strongly coloured light other errors are corrected as uneven light
+    # In strongly coloured light other errors are corrected as uneven light.
     if unevenness <= least or coloured_light(chart.shot):
         return []
     return [
