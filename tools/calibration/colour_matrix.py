@@ -150,9 +150,7 @@ def _fit(
     return matrix * scale, neutral / scale, light * scale
 
 
-def _white_preserving(
-    camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray
-) -> DoubleArray:
+def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray) -> DoubleArray:
     """Return the matrix M with M neutral = D50 that has the least squared error in L*a*b*, to first order.
 
     M = D50 n^T / n.n + Q B^T, where B is a basis of the space orthogonal to n: any Q preserves white (G. D. Finlayson, M. S. Drew,

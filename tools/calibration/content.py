@@ -80,10 +80,7 @@ def _has_steps(clear: np.ndarray, brightest: float) -> bool:
     # Of a median, sqrt(pi / 2) times that of a mean; of two, sqrt(2) times more.
     error = robust_deviation(samples - middle[..., None]) * np.sqrt(np.pi / (rows * columns))
     light = np.log(np.maximum(middle, max(0.02 * brightest, 1e-6)))
-    steps, ratios = (
-        np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)]))
-        for each in (middle, light)
-    )
+    steps, ratios = (np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)])) for each in (middle, light))
     large = (steps > max(_LEAST_STEP, _NOISE * error)) & (ratios > _STEP)
     return bool(large.sum() > _STEPS * large.size)
 
@@ -92,9 +89,7 @@ def check_dark(mosaic: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark shows a scene or an evenly lit surface."""
     content = Content.of(mosaic)
     if content.is_scene:
-        raise InputError(
-            "is not dark: it shows a scene; cover the lens (a shot of the chart is given without `dark`)"
-        )
+        raise InputError("is not dark: it shows a scene; cover the lens (a shot of the chart is given without `dark`)")
     if content.level > _NOT_DARK:
         level = f"its median is {100 * content.level:.0f} % of full scale"
         raise InputError(f"is not dark: {level}; cover the lens (flat frames go by `flat`)")

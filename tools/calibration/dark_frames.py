@@ -126,9 +126,7 @@ def _check_alike(samples: DoubleArray) -> None:
             )
 
 
-def _check_light(
-    frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int
-) -> None:
+def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int) -> None:
     """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of it.
 
     frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.

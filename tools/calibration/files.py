@@ -41,9 +41,7 @@ def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]
             kinds = (kind for name in names for kind in KINDS[1:] if name.startswith(kind))
             files[next(kinds, known)].append(source.name)
     if len(given) > len(KINDS) and files["shots"]:
-        raise InputError(
-            f"{files['shots'][0]}: shows a chart under neither light; name it after one of the two `chart_light`"
-        )
+        raise InputError(f"{files['shots'][0]}: shows a chart under neither light; name it after one of the two `chart_light`")
     return files, searches
 
 
@@ -101,11 +99,7 @@ def _text(value: Any, indent: str = "") -> str:
         fields = ((json.dumps(key), _text(entry, deeper)) for key, entry in value.items())
         rows = [f"{deeper}{name}: {text}" for name, text in fields]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if (
-        isinstance(value, list | tuple)
-        and value
-        and isinstance(value[0], list | tuple | str | dict)
-    ):
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple | str | dict):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -109,9 +109,7 @@ class Assumed:
             return cls(black, is_measured, colour, _KNOWN_COLOUR)
         return cls(black, is_measured, np.full_like(colour, _UNKNOWN_COLOUR), _UNKNOWN_TILT)
 
-    def precision(
-        self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
-    ) -> DoubleArray:
+    def precision(self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.
 
         gamma: (C,), about.
@@ -245,9 +243,7 @@ class GammaFit:
         return float((self.half_width / np.abs(self.gamma)).max())
 
 
-def fit_gamma(
-    places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None
-) -> GammaFit:
+def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
     Parameters
@@ -321,9 +317,7 @@ class _Problem:
     level: (N,); colours: (N, C); places: see `unknowns`; variance: (N, C + 1), of the means.
     """
 
-    def __init__(
-        self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray
-    ) -> None:
+    def __init__(self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray) -> None:
         self.level, self.colours, self.places, self.variance = level, colours, places, variance
         self.terms = unknowns(colours, places)
 
@@ -332,9 +326,7 @@ class _Problem:
         total = _total(self.variance, found[: self.colours.shape[1]])
         return (self.level - self.terms @ found) / np.sqrt(total)
 
-    def solved(
-        self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float
-    ) -> DoubleArray:
+    def solved(self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float) -> DoubleArray:
         """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P), diagonal."""
         strict = np.sqrt(np.diag(prior))
         assumed = strict > 0

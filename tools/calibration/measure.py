@@ -328,9 +328,7 @@ class Session:
 
         return list(self._each(paths, kind, read))
 
-    def _read(
-        self, path: str, kind: str, check: Check = lambda _: None
-    ) -> tuple[Mosaic, SensorCalibration]:
+    def _read(self, path: str, kind: str, check: Check = lambda _: None) -> tuple[Mosaic, SensorCalibration]:
         """Return a frame with what is known of the camera, and what the frame states.
 
         Raises InputError for a copy of a frame before, and if it is from another camera, or was taken with other settings.

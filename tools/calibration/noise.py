@@ -32,9 +32,7 @@ _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of 
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _GROUPS = 6  # of tiles, per pair
-_RESTLESS = (
-    2.0  # times the median variance per light of a pair's tiles: something moved between the frames
-)
+_RESTLESS = 2.0  # times the median variance per light of a pair's tiles: something moved between the frames
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
@@ -58,9 +56,7 @@ class PhotonTransfer:
         return self.shot * np.maximum(mean, 0) + self.read**2
 
 
-def fit_photon_transfer(
-    mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None
-) -> PhotonTransfer:
+def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
     """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
 
     An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line. Places far above
@@ -250,9 +246,7 @@ def _grouped(places: DoubleArray) -> DoubleArray:
     return np.array(groups)
 
 
-def _pair_points(
-    one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int
-) -> DoubleArray:
+def _pair_points(one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int) -> DoubleArray:
     """Return mean, half the variance of the difference of two frames, and number of samples, in N tiles that are not clipped.
 
     number: of planes P; the result is (N, 3, P).
@@ -272,9 +266,7 @@ def _pair_points(
     return np.reshape(places, (-1, 3, number))
 
 
-def _dead(
-    one: DoubleArray, two: DoubleArray, planes: np.ndarray
-) -> tuple[tuple[tuple[int, int], ...], float]:
+def _dead(one: DoubleArray, two: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:
     """Return (row, column) of pixels that are dead in two frames (H, W), and the part of the pixels that cannot tell.
 
     Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark by chance, nor a dead one as

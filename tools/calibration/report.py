@@ -59,17 +59,10 @@ def write_report(result: Result, made: Mapping[str, str], worded: Worded = str) 
         planes=seen.planes,
         shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
         gamma=found.get("gamma"),
-        residuals=embed_plot(lambda axes: _plot_residuals(axes, result))
-        if "gamma" in found
-        else "",
-        colours=[
-            (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
-            for chart in found.get("colour", ())
-        ],
+        residuals=embed_plot(lambda axes: _plot_residuals(axes, result)) if "gamma" in found else "",
+        colours=[(chart, _patches(chart), _differences(chart), _glow(chart.fit.light)) for chart in found.get("colour", ())],
         noise=found.get("noise"),
-        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes))
-        if "noise" in found
-        else "",
+        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes)) if "noise" in found else "",
         dark=seen.dark,
         shading=seen.shading,
         camera=camera,

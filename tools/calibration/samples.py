@@ -80,9 +80,7 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     return PlaceSamples(mean, variance, count, at_white, 2 * middles / np.hypot(*last))
 
 
-def _moments(
-    rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int
-) -> DoubleArray:
+def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int) -> DoubleArray:
     """Return mean, variance and count per plane, (3, number)."""
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
@@ -113,10 +111,7 @@ def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
-    rows, columns = (
-        pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist())
-        for length in planes.shape
-    )
+    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
     for (top, bottom), (left, right) in product(rows, columns):
         yield slice(top, bottom), slice(left, right)
 

@@ -30,9 +30,8 @@ _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
 _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # Third differences of control points that are likely: large in the corners of fast lenses.
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
-_ROUNDS = (
-    2  # the second one sees tiles that are nearly even, whose means are those of their middles
-)
+# The second round sees tiles that are nearly even, whose means are those of their middles.
+_ROUNDS = 2
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
@@ -44,6 +43,8 @@ _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames bet
 _EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
 _DIGITS = 6
+Size = tuple[int, ...]
+"""Rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +200,8 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 def _spline(
     tiles: _Tiles,
     plane: int,
-    size: tuple[int, int],
-    points: tuple[int, ...],
+    size: Size,
+    points: Size,
     target: DoubleArray,
     errors: DoubleArray,
     rough: float,
@@ -221,17 +222,13 @@ def _spline(
     return found.reshape(points), float(variance.max() ** 0.5)
 
 
-def _design(
-    size: tuple[int, int], points: tuple[int, ...], rows: DoubleArray, columns: DoubleArray
-) -> DoubleArray:
+def _design(size: Size, points: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return the weights of all control points at N places, (N, points)."""
     down, right = (basis(*each) for each in zip(size, points, (rows, columns), strict=True))
     return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
 
 
-def _values(
-    points: DoubleArray, size: tuple[int, int], rows: DoubleArray, columns: DoubleArray
-) -> DoubleArray:
+def _values(points: DoubleArray, size: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return a spline's values at N places, (N,)."""
     return _design(size, points.shape, rows, columns) @ points.ravel()
 
@@ -254,9 +251,7 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
     gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
 
-    def around(
-        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray
-    ) -> tuple[DoubleArray, DoubleArray]:
+    def around(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
         """Fit what falls off around a centre; returns the residuals and the coefficients, those of `more` last."""
         down, right = y - centre[0], x - centre[1]
         square = down**2 + right**2
@@ -266,9 +261,7 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
         residuals: DoubleArray = design @ found - seen * weight
         return residuals, found.astype(np.float64)
 
-    def tilted(
-        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray
-    ) -> tuple[float, str, float]:
+    def tilted(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray) -> tuple[float, str, float]:
         """Return by how much one side is brighter, as a share, which side that is, and the sum of the squared residuals."""
         residuals, found = around(centre, seen, weight, y, x)
         down, right = found[-2:] * size / half
@@ -279,10 +272,10 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     seen, *weights = np.log(tiles.light / tiles.gain)[-1], *(tiles.light / tiles.error)
     tilt, side, squares = tilted(np.zeros(2), seen, weights[-1])
 
-    def residuals(centre: DoubleArray) -> DoubleArray:
+    def missed(centre: DoubleArray) -> DoubleArray:
         return around(centre, seen, weights[-1])[0]
 
-    displaced = least_squares(residuals, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
+    displaced = least_squares(missed, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:

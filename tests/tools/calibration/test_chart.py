@@ -177,9 +177,7 @@ def at(corners: Matrix, scene: FloatArray) -> object:
         ),
         (lambda: find_chart(far(), REFERENCE), f"too small.*period 8 needs {least_pitch(8)}"),
         (
-            lambda: chart_at(
-                far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE
-            ),
+            lambda: chart_at(far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE),
             f"too small.*period 8 needs {least_pitch(8)}",
         ),
         (lambda: at(as_rows(rectangle(5, 5, 300, 200)), chart().rgb), "there is no ColorChecker"),

@@ -22,9 +22,7 @@ SIMPLE = SimulatedCamera(
 )
 
 
-def frames_of(
-    camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None
-) -> Frames:
+def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None) -> Frames:
     """Shots of the chart, in this light, and four dark frames, of another camera if one is given."""
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):

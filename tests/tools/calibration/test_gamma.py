@@ -88,9 +88,7 @@ def test_least_squares_would_come_out_too_small_and_this_does_not() -> None:
     error = np.std(estimates, axis=0) / np.sqrt(60)
     assert (np.abs(estimates.mean(axis=0) - GAMMA) < 4 * error + 0.004).all()
     plain = [np.linalg.lstsq(each.mean[:, :3], each.mean[:, 3], rcond=None)[0] for each in noisy]
-    assert (
-        np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02
-    )  # the tempting wrong way is seen to be wrong
+    assert np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02  # the tempting wrong way is seen to be wrong
     assert 0.86 < np.mean([np.abs(fit.gamma - GAMMA) <= fit.half_width for fit in fits]) < 0.995
 
 

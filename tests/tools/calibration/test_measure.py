@@ -97,9 +97,7 @@ def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     assert "corner" not in measured.measured["shading"]
 
 
-@pytest.mark.parametrize(
-    ("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")]
-)
+@pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
     other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
     outcome = conclude(Measurements(other, base_of(), dark=DARK, flats=FLAT, shots=[shot()]))
@@ -128,9 +126,7 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
         (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
-def test_channels_that_are_exchanged_show_on_the_chart(
-    right: CfaPattern, wrong: CfaPattern, names: str
-) -> None:
+def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
     taken = simulate_sensor(light, right, true, 1.0, np.random.default_rng(0))

@@ -42,9 +42,7 @@ def taken(kind: str, seed: int = 0) -> Mosaic:
     return frame(scenes[kind], seed=10 + seed)
 
 
-def several(
-    kind: str, number: int, edit: Callable[[Mosaic], Mosaic] = lambda mosaic: mosaic
-) -> dict[str, Mosaic]:
+def several(kind: str, number: int, edit: Callable[[Mosaic], Mosaic] = lambda mosaic: mosaic) -> dict[str, Mosaic]:
     return {f"{kind}{seed}.dng": edit(taken(kind, seed)) for seed in range(number)}
 
 

@@ -48,7 +48,7 @@ def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     folder = tmp_path_factory.mktemp("lights")
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
-    lights = ["--chart-light", "a", folder / "A.dng", "--chart-light", "d65", folder / "D65.dng"]
+    lights = ("--chart-light", "a", folder / "A.dng", "--chart-light", "d65", folder / "D65.dng")
     run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
     return request.param, folder
 
@@ -66,8 +66,8 @@ def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) ->
     two = read_camera(folder / "camera.json").calibration
     assert two.lights is not None
     assert two.neutral is None
-    facts = [{"camera_to_xyz": each.camera_to_xyz, "neutral": each.neutral} for each in two.lights]
-    alone = [replace(two, lights=None, **each) for each in facts]
+    single, (warm, cold) = replace(two, lights=None), two.lights
+    alone = [replace(single, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral) for each in (warm, cold)]
     lost = []
     for light in THIRD:
         read = readings(camera, light)

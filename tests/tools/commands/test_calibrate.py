@@ -156,9 +156,7 @@ def camera(measured: dict[str, Any], **changes: Any) -> Camera:
         (camera({"black_level": {"standard_error": [1.0] * 3}}), BLIND, ERROR),
     ],
 )
-def test_another_sensor_and_a_damaged_file_are_not_updated(
-    known: Camera, says: Any, words: str, tmp_path: Path
-) -> None:
+def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: Any, words: str, tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     write_camera(path, known)
     text = path.read_text()

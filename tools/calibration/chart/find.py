@@ -98,9 +98,7 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
     """Return the chart at given corners (see `ChartPlace`), after the same tests. Raises InputError if one of them fails."""
     place = ChartPlace(corners)
     if not place.lies_in(mosaic.shape):
-        raise InputError(
-            f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels"
-        )
+        raise InputError(f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels")
     _check_size(place, mosaic)
     found = _judged(linear_picture(mosaic), place, reference)
     if found.fault:
@@ -201,9 +199,7 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     return ChartPlace(as_rows(best))
 
 
-def patch_means(
-    picture: FloatArray, place: ChartPlace, size: float = 0.5
-) -> tuple[DoubleArray, DoubleArray]:
+def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tuple[DoubleArray, DoubleArray]:
     """Return the patches' means (24, C), and the standard deviation of log luminance inside each, (24,).
 
     picture: (H, W, C), linear.
@@ -217,9 +213,7 @@ def patch_means(
     return values.mean(axis=1), luminance.std(axis=1)
 
 
-def _misfit(
-    moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float
-) -> float:
+def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float) -> float:
     """Return how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
 
     root: square root of luminance. With luminance itself only the bright patches would fix the grid, and the corner at

@@ -46,9 +46,7 @@ class ChartPlace:
     def __post_init__(self) -> None:
         points = np.array(self.corners, float)
         if points.shape != (4, 2):
-            raise InputError(
-                f"chart: {len(self.corners)} corners, expected four (x, y): dark skin, bluish green, black, white"
-            )
+            raise InputError(f"chart: {len(self.corners)} corners, expected four (x, y): dark skin, bluish green, black, white")
         sides = np.roll(points, -1, axis=0) - points
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():

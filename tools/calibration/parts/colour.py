@@ -94,9 +94,7 @@ def _facts(chart: ChartColours) -> dict[str, object]:
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": None
-        if before is None
-        else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+        "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
@@ -133,8 +131,7 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     said = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
     if change <= -least:
         return (
-            f"{said} the other way from one to the other: the two lights are exchanged; name the light of each shot "
-            "(`chart_light`)"
+            f"{said} the other way from one to the other: the two lights are exchanged; name the light of each shot (`chart_light`)"
         )
     return (
         f"{said} {max(change, 0):.1f} times as much from one to the other as between these lights, {least:g} to {most:g} times are "

@@ -35,9 +35,7 @@ def gamma(seen: Measurements) -> Part | None:
     except InputError as error:
         refusal = str(error)
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
-    if contradictions and (
-        refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION
-    ):
+    if contradictions and (refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION):
         refusal = "; ".join(contradictions)
     return Part(
         "gamma",
@@ -92,10 +90,7 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             " ".join(
                 [
                     shot.name,
-                    *(
-                        f"{value:.3f} ± {half:.2g}"
-                        for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)
-                    ),
+                    *(f"{value:.3f} ± {half:.2g}" for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)),
                 ]
             )
             for shot in shots
