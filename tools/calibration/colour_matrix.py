@@ -122,12 +122,7 @@ def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleAr
 
 
 def _fit(
-    camera: DoubleArray,
-    reference: DoubleArray,
-    cells: DoubleArray,
-    *,
-    field: bool,
-    used: DoubleArray | None = None,
+    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, field: bool, used: DoubleArray | None = None
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 

@@ -50,6 +50,7 @@ _INSTEAD = (
 _VISIBLE = 3  # channels: light of three primaries has no more independent ones
 # The larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90.
 _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
+# With these four, the 95 % intervals of random cameras cover gamma in 91 to 96 % (tests.benchmarks.coverage).
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5

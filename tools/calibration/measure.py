@@ -169,11 +169,7 @@ def measure_frames(
 
 
 def measure_chart(
-    name: str,
-    mosaic: Mosaic,
-    reference: DoubleArray,
-    corners: Matrix | None = None,
-    assumed: Assumed | None = None,
+    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, assumed: Assumed | None = None
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them.
 

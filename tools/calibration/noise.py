@@ -15,15 +15,7 @@ from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
-from .samples import (
-    CLIP,
-    CLIPPED,
-    PlaceSamples,
-    clipped_moments,
-    levels_of,
-    robust_deviation,
-    tiles,
-)
+from .samples import CLIP, CLIPPED, PlaceSamples, clipped_moments, levels_of, robust_deviation, tiles
 
 _ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
@@ -179,10 +171,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
 
 
 def noise_of_flats(
-    flats: FlatResult,
-    calibration: SensorCalibration,
-    dark: DarkResult | None,
-    black_error: DoubleArray | None = None,
+    flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
 ) -> NoiseResult:
     """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding to codes adds.
 
@@ -198,11 +187,7 @@ def noise_of_flats(
     lines = []
     for plane, full in enumerate(span.tolist()):
         read = None if known is None else float(known.read[plane] / full)
-        mean, variance, count = (
-            points.mean[:, plane],
-            points.variance[:, plane],
-            points.count[:, plane],
-        )
+        mean, variance, count = (points.mean[:, plane], points.variance[:, plane], points.count[:, plane])
         line = fit_photon_transfer(mean, variance, count, read)
         # Black that is off stretches the levels, and moves the line's intercept.
         moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)

@@ -198,13 +198,7 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 
 
 def _spline(
-    tiles: _Tiles,
-    plane: int,
-    size: Size,
-    points: Size,
-    target: DoubleArray,
-    errors: DoubleArray,
-    rough: float,
+    tiles: _Tiles, plane: int, size: Size, points: Size, target: DoubleArray, errors: DoubleArray, rough: float
 ) -> tuple[DoubleArray, float]:
     """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
 

@@ -163,18 +163,9 @@ def at(corners: Matrix, scene: FloatArray) -> object:
     [
         (lambda: find_chart(frame(wall()), REFERENCE), "no ColorChecker was found"),
         (lambda: find_chart(frame(chart().rgb[:, ::-1]), REFERENCE), "no ColorChecker was found"),
-        (
-            lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE),
-            "no ColorChecker was found whole inside the frame",
-        ),
-        (
-            lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE),
-            "no ColorChecker was found whole inside the frame",
-        ),
-        (
-            lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE),
-            "no ColorChecker was found whole inside the frame",
-        ),
+        (lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE), "no ColorChecker was found whole inside the frame"),
+        (lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
+        (lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
         (lambda: find_chart(far(), REFERENCE), f"too small.*period 8 needs {least_pitch(8)}"),
         (
             lambda: chart_at(far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE),

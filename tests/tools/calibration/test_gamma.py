@@ -9,26 +9,9 @@ import pytest
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
 from tests.data import photograph
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    NOISE,
-    REFERENCE,
-    TRUTH,
-    WIDTH,
-    chart,
-    frame,
-    measured,
-    true_place,
-)
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, WIDTH, chart, frame, measured, true_place
 from tests.tools.calibration.test_coverage import SIMPLE
-from tools.calibration.gamma import (
-    GammaFit,
-    check_determined,
-    combined,
-    fit_gamma,
-    reconciled,
-    unknowns,
-)
+from tools.calibration.gamma import GammaFit, check_determined, combined, fit_gamma, reconciled, unknowns
 from tools.calibration.measure import measure_chart
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.simulation.load import load_scene

@@ -113,10 +113,7 @@ def waves(down: DoubleArray, right: DoubleArray) -> DoubleArray:
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
-        (
-            {"light": 3.0},
-            "all are clipped; flat[01].dng is least so, in .* samples of W; expose less",
-        ),
+        ({"light": 3.0}, "all are clipped; flat[01].dng is least so, in .* samples of W; expose less"),
         ({"saturated": 0.1}, "all are clipped; flat[01].dng is least so, in .* samples of R"),
         ({"light": 0.02}, "too dark, and tell the shading only to"),
         ({"light": 0.0003}, "dark"),

@@ -10,15 +10,7 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    NOISE,
-    REFERENCE,
-    TRUTH,
-    chart,
-    frame,
-    true_place,
-)
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
 from tools.calibration.conclude import conclude
 from tools.calibration.dark_frames import DarkResult
 from tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
@@ -61,10 +53,7 @@ def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **s
 def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
     """Noise is in scene units; in codes it is the same."""
     known = replace(BLIND, noise=NOISE)
-    for new in (
-        concluded(shots=[shot()], says={"noise": NOISE}),
-        concluded(Camera(known, PATTERN), shots=[shot()]),
-    ):
+    for new in (concluded(shots=[shot()], says={"noise": NOISE}), concluded(Camera(known, PATTERN), shots=[shot()])):
         ratio = new.calibration.full_scale / known.full_scale
         assert abs(ratio - 1) > 0.05
         for name in ("shot", "read"):

@@ -8,15 +8,7 @@ import pytest
 
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    NOISE,
-    REFERENCE,
-    TRUTH,
-    edited,
-    frame,
-    with_code,
-)
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
 from tools.calibration.conclude import Result, conclude
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import Measurements

@@ -13,18 +13,7 @@ import pytest
 from shared import CaptureMetadata, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    HEIGHT,
-    NOISE,
-    REFERENCE,
-    WIDTH,
-    chart,
-    edited,
-    frame,
-    stating,
-    true_place,
-)
+from tests.tools.calibration.known_camera import BLIND, HEIGHT, NOISE, REFERENCE, WIDTH, chart, edited, frame, stating, true_place
 from tools.batch.console import Console
 from tools.calibration.conclude import Result, conclude
 from tools.calibration.files import check_same
@@ -77,10 +66,7 @@ OTHERS: dict[str, tuple[Callable[[Mosaic], Mosaic], str]] = {
         "its pattern is RGB period 6 .* that of chart0.dng is RGB period 6",
     ),
     "other bits": (of_ten_bits, "its number of bits is 10, that of chart0.dng is 12"),
-    "another sensor": (
-        lambda mosaic: stating(mosaic, sensor="other"),
-        "its sensor is other, that of chart0.dng is bench",
-    ),
+    "another sensor": (lambda mosaic: stating(mosaic, sensor="other"), "its sensor is other, that of chart0.dng is bench"),
 }
 
 

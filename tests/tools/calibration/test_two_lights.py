@@ -107,13 +107,7 @@ def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_pa
     for kind in ("png", "dng"):
         run("render", shot, "-o", tmp_path / kind, "-f", kind, *words, code=0)
     with rawpy.imread(str(tmp_path / "dng" / "shot.dng")) as raw:
-        plain = rawpy.Params(
-            gamma=(1, 1),
-            no_auto_bright=True,
-            adjust_maximum_thr=0.0,
-            use_camera_wb=True,
-            output_bps=16,
-        )
+        plain = rawpy.Params(gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16)
         theirs = raw.postprocess(plain)
     ours = imagecodecs.png_decode((tmp_path / "png" / "shot.png").read_bytes())
     difference = np.abs(255 * encode_srgb((theirs / 65535).astype(np.float32)) - ours)

@@ -12,16 +12,7 @@ import pytest
 from shared import Camera, read_camera, read_dng
 from shared.colorimetry import D50
 from shared.errors import InputError
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    NOISE,
-    TRUTH,
-    cgats,
-    chart,
-    frame,
-    save,
-    true_place,
-)
+from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, cgats, chart, frame, save, true_place
 from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
 from tools.calibration.reference import check_order, read_reference
@@ -168,11 +159,7 @@ def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: 
 def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
-    for kind, light, seed in (
-        ("chart", 1, 0),
-        *product(["dark"], [1], (1, 2, 3, 4)),
-        *product(["flat"], (0.1, 0.3, 0.6), (1, 2)),
-    ):
+    for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         to = tmp_path / f"{kind}{light}-{seed}"
         words = ["--protocol", "sensor", "--seed", seed] + ["--light", light] * (light != 1)
         run("simulate", f"{kind}:720x480", "-o", to, *map(str, words), code=0)

@@ -187,13 +187,7 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
             np.zeros(8),
             args=(luminance, root, best, scale),
             method="Nelder-Mead",
-            options={
-                "initial_simplex": simplex,
-                "maxfev": 700,
-                "xatol": 1e-3,
-                "fatol": 1e-6,
-                "adaptive": True,
-            },
+            options={"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6, "adaptive": True},
         )
         best = best + found.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))

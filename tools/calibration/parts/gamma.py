@@ -88,10 +88,7 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     if fit.contradiction > _CONTRADICTION:
         each = ", ".join(
             " ".join(
-                [
-                    shot.name,
-                    *(f"{value:.3f} ± {half:.2g}" for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)),
-                ]
+                [shot.name, *(f"{value:.3f} ± {half:.2g}" for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True))]
             )
             for shot in shots
         )

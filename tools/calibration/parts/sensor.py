@@ -80,11 +80,7 @@ def noise(seen: Measurements) -> Part | None:
     read_error = np.hypot(full_scale * read_own, error * read)
     return Part(
         "noise",
-        {
-            "from": found.source,
-            "shot_error": rounded(shot_error),
-            "read_error": rounded(read_error),
-        },
+        {"from": found.source, "shot_error": rounded(shot_error), "read_error": rounded(read_error)},
         {"noise": found.model(full_scale)},
         _noise_warnings(found, seen.dark),
         result=found,
