@@ -87,10 +87,10 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: Bench, tmp_path: Pat
     shot = save(tmp_path / "shot.dng", known.calibrated(frame(chart(camera, "4000"))))
     assert read_dng(shot).calibration.lights == known.calibration.lights
     with TiffFile(shot) as file:
-        tags = file.pages.first.tags
-    assert (tags[50778].value, tags[50779].value) == (17, 21)
+        tags = {number: file.pages.first.tags[number].value for number in (50721, 50722, 50778, 50779)}
+    assert (tags[50778], tags[50779]) == (17, 21)
     for number, light in zip((50721, 50722), known.calibration.lights or (), strict=True):
-        over, under = np.array(tags[number].value, float).reshape(-1, 2).T
+        over, under = np.array(tags[number], float).reshape(-1, 2).T
         planes, expected = (over / under).reshape(4, 3), light.xyz_to_camera
         np.testing.assert_allclose(planes[:3] / planes[0, 0], expected / expected[0, 0], atol=1e-4)
         np.testing.assert_allclose(planes[3], known.calibration.gamma @ planes[:3], atol=1e-5)
