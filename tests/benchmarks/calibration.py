@@ -12,8 +12,8 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
 from tests.data import DATA
 from tests.tools.calibration.known_camera import REFERENCE
-from tools.calibration.measure import conclude
-from tools.calibration.observations import Observations, measure_chart
+from tools.calibration.conclude import conclude
+from tools.calibration.measure import Measurements, measure_chart
 from tools.simulation.load import load_scene
 from tools.simulation.sensor import simulate_additive
 
@@ -36,8 +36,8 @@ def photograph(path: Path) -> None:
     except InputError as error:
         print(f"{path.name}: refused: {error}")
         return
-    outcome = conclude(Observations(mosaic, shots=[measured]), REFERENCE)
-    gamma, facts = outcome.evidence.gamma, outcome.camera.measured if outcome.camera else {}
+    outcome = conclude(Measurements(REFERENCE, mosaic, shots=[measured]))
+    gamma, facts = measured.fit, outcome.facts
     off = ", ".join(f"{100 * (value - 1):+.2f}" for value in gamma.gamma)
     line = f"{path.name}: gamma off by {off} % (± {100 * gamma.worst:.1f})"
     line += "".join(f"; {name} {facts['colour'][name]}" for name in COLOUR if "colour" in facts)

@@ -21,8 +21,8 @@ from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, true_place
 from tools.batch.console import Console
 from tools.calibration.chart.place import ChartPlace
-from tools.calibration.measure import Conclusion, conclude
-from tools.calibration.session import Session
+from tools.calibration.conclude import Result, conclude
+from tools.calibration.measure import Session
 from tools.simulation.drawn.charts import chart_scene
 
 SHAPE = (400, 600)
@@ -130,30 +130,30 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     return frames
 
 
-def calibrated(frames: Frames, kind: str) -> Conclusion | None:
+def calibrated(frames: Frames, kind: str) -> Result | None:
     """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame can be used."""
-    parts, session = set(kind.split("+")), Session(Console(json=True, quiet=True), read=frames.mosaics.__getitem__)
+    parts, session = set(kind.split("+")), Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
         session.flat(frames.named("flat")[0 if "flat" in parts else -1 :])
     charts = frames.named("chart")[: None if "charts" in parts else int("chart" in parts)]
     for name in charts:
-        session.shots([name], REFERENCE, frames.places[name].corners)
+        session.shots([name], frames.places[name].corners)
     if session.seen.base is None or (charts and not session.seen.shots):
         return None
     try:
-        return conclude(session.seen, REFERENCE)
+        return conclude(session.seen)
     except InputError:
         return None
 
 
-def errors(outcome: Conclusion, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
+def errors(outcome: Result, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
     """How far each figure is off, in half widths of its interval; a figure that was not measured is left out."""
     found = {}
     full = camera.gamma.sum()  # of a file whose gamma is known
     truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
-    gamma, dark = outcome.evidence.gamma, outcome.evidence.seen.dark
+    gamma, dark = outcome.seen.gamma, outcome.seen.dark
     if gamma is not None:
         found["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
     if dark is not None:
@@ -201,7 +201,7 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
                 continue
             for name, off in errors(outcome, camera, gamma_known="chart" in kind).items():
                 count.off[name] += off.tolist()
-            if (gamma := outcome.evidence.gamma) is not None:
+            if (gamma := outcome.seen.gamma) is not None:
                 count.wide.append(gamma.worst)
     return counts
 

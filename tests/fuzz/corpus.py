@@ -21,13 +21,13 @@ from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
 from tests.fuzz.forged import npy
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
-from tests.tools.calibration.known_camera import chart, frame, true_place
+from tests.tools.calibration.known_camera import cgats, chart, frame, true_place
 from tests.tools.io.examples import encode_picture
+from tools.calibration.conclude import conclude
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.files import read_known
-from tools.calibration.measure import conclude
-from tools.calibration.observations import Observations, measure_chart
-from tools.calibration.reference import read_reference, ti3
+from tools.calibration.measure import Measurements, measure_chart
+from tools.calibration.reference import read_reference
 from tools.commands.calibrate import color_checker_xyz
 from tools.io.development import Development
 from tools.io.kind import PictureKind
@@ -157,7 +157,7 @@ def _raws() -> list[Sample]:
 def _documents() -> list[Sample]:
     full = Camera(calibration(defects=((3, 4), (5, 6))), CfaPattern.bayer(6), {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}})
     plain = SensorCalibration()
-    colours = ti3(color_checker_xyz(), np.full((24, 3), 0.5))
+    colours = cgats(color_checker_xyz())
     return [
         *(Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera) for each in (full, plain, _measured())),
         Sample("CGATS", ".ti3", colours.encode(), lambda path: read_reference(path).tobytes()),
@@ -168,7 +168,7 @@ def _measured() -> Camera:
     """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
     shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
-    return conclude(Observations(lit, measure_dark([dark]), shots=[shot]), color_checker_xyz()).camera
+    return conclude(Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])).camera
 
 
 def _read_camera(path: Path) -> bytes:
@@ -178,7 +178,7 @@ def _read_camera(path: Path) -> bytes:
     codes = np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30).astype(np.uint16).reshape(24, 30)
     with np.errstate(all="raise", under="ignore"):
         shot = Mosaic(codes, pattern, camera.calibration)
-        conclude(Observations(shot), color_checker_xyz(), old=camera)
+        conclude(Measurements(color_checker_xyz(), shot, camera))
         assert np.isfinite(render(shot, PAPER).rgb).all()
         Preview.for_mosaic(shot).run(shot)
     return json.dumps(camera.to_json()).encode()

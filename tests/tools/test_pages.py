@@ -16,9 +16,9 @@ from tests.browser import Browser
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
 from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
-from tools.calibration.measure import conclude
-from tools.calibration.observations import Observations, measure_chart
-from tools.calibration.report import report
+from tools.calibration.conclude import conclude
+from tools.calibration.measure import Measurements, measure_chart
+from tools.calibration.report import write_report
 from tools.evaluation.crops import REASONS, Crop, Exhibit, Rendered
 from tools.evaluation.figures import Figures
 from tools.evaluation.measures import Measures
@@ -69,8 +69,8 @@ def of_evaluation(folder: Path, text: str) -> bytes:
 def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
-    seen = Observations(taken, shots=[measure_chart(text, taken, REFERENCE, true_place().corners)], skipped=[text])
-    return report(conclude(seen, REFERENCE), {"date": text})
+    shot = measure_chart(text, taken, REFERENCE, true_place().corners)
+    return write_report(conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text])), {"date": text})
 
 
 Maker = Callable[[Path, str], bytes]

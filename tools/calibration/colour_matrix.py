@@ -16,8 +16,10 @@ from tools.io.colour_difference import delta_e_2000, lab_slopes
 
 from .chart.place import COLUMNS, PATCHES, ROWS
 
-GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
-UNEVEN, VERY_UNEVEN = 1.25, 1.5  # brightest over dimmest light on the chart: worth a word if colours show it; in any case
+# Neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light.
+GREYS = 19, 20, 21
+# Brightest over dimmest light on the chart: worth a word if colours show it; in any case.
+UNEVEN, VERY_UNEVEN = 1.25, 1.5
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 _STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
 _ROUNDS = 12
@@ -74,7 +76,8 @@ class ColourFit:
         errors = np.zeros(PATCHES)
         for index, used in enumerate(1 - np.eye(PATCHES)):
             matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
-            errors[index] = delta_e_2000(xyz_to_lab(self.camera[index] / light[index] @ matrix.T), self.reference[index])
+            lab = xyz_to_lab(self.camera[index] / light[index] @ matrix.T)
+            errors[index] = delta_e_2000(lab, self.reference[index])
         return errors
 
 
@@ -87,7 +90,8 @@ def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) ->
         raise InputError("colour: the grey patches have no light in some channel; expose more")
     matrix, neutral, light = _fit(camera, colours, cells, field=True)
     lab = xyz_to_lab((camera / light[:, None]) @ matrix.T)
-    return ColourFit(camera, colours, cells, matrix, neutral, light / light.mean(), lab, xyz_to_lab(colours))
+    light = light / light.mean()
+    return ColourFit(camera, colours, cells, matrix, neutral, light, lab, xyz_to_lab(colours))
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
@@ -102,7 +106,8 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     expected = np.zeros(len(one.neutral))
     for fit in (one, other):
         sensitivity, *_ = np.linalg.lstsq(fit.colours, fit.camera / fit.light[:, None], rcond=None)
-        expected += np.log(np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6)) / 2
+        ratio = np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6)
+        expected += np.log(ratio) / 2
     measured = np.log(one.neutral / other.neutral)
     expected -= expected.mean()
     return float((measured - measured.mean()) @ expected / (expected @ expected))
@@ -111,8 +116,9 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
     """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the state before calibration."""
     greys = list(GREYS)
-    balanced = camera / (camera[greys] / reference[greys, 1:2]).mean(axis=0) @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
-    return xyz_to_lab(balanced @ matrix.T)
+    white, *_ = np.linalg.lstsq(matrix, D50, rcond=None)
+    read = (camera[greys] / reference[greys, 1:2]).mean(axis=0)
+    return xyz_to_lab(camera / read * white @ matrix.T)
 
 
 def _fit(
@@ -133,7 +139,8 @@ def _fit(
         matrix = _white_preserving(even, reference, neutral, used)
         if step < _ROUNDS:
             excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
-            light = light * np.exp(_surface(excess, cells, used) if field else (excess * used).sum() / used.sum())
+            even_excess = (excess * used).sum() / used.sum()
+            light = light * np.exp(_surface(excess, cells, used) if field else even_excess)
     scale = neutral.max()
     return matrix * scale, neutral / scale, light * scale
 
@@ -208,7 +215,8 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
     shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
     for names, parts in _KINDS.items():
         if set(names) <= set(pattern.channels):
-            _check_order(names, shown @ parts, levels[:, [pattern.channels.index(letter) for letter in names]], pattern)
+            own = [pattern.channels.index(letter) for letter in names]
+            _check_order(names, shown @ parts, levels[:, own], pattern)
 
 
 def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:
@@ -219,9 +227,10 @@ def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: C
     if best == (0, 1, 2):
         return
     # Channel `order[i]` of the shot sees what the i-th name should.
-    true = {letter: right for right, letter in zip(names, (names[index] for index in best), strict=True)}
+    true = {names[index]: right for right, index in zip(names, best, strict=True)}
     wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
-    block = "/".join("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
+    rows = ("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
+    block = "/".join(rows)
     raise InputError(
         f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its sensor, whose pattern probably is "
         f"{block}; capture the shot again with the right pattern"

@@ -18,10 +18,13 @@ _LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _NOT_DARK = 0.1  # of full scale above black
 _UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
 _DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
-_USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2  # of the read noise: drift expected before any is seen, and its weight in frames
-_LEAK = 1 / 1024  # of the range of codes: black levels of the planes that differ by less are those of electronics
+# Of the read noise: drift expected before any is seen, and its weight in frames.
+_USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
+# Of the range of codes: black levels of the planes that differ by less are those of electronics.
+_LEAK = 1 / 1024
 _LEAST_LEAK = 3.0  # codes
-_IN_LINE = 0.9  # correlation of levels and variances of the planes, from which on both rise together
+# Correlation of levels and variances of the planes, from which on both rise together.
+_IN_LINE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,9 @@ class DarkResult:
     @property
     def words(self) -> str:
         """Black level, read noise and defects, for people."""
-        read = f"read noise {figures(self.read)} codes" if self.shows_read else "read noise too small for these codes"
+        read = "read noise too small for these codes"
+        if self.shows_read:
+            read = f"read noise {figures(self.read)} codes"
         return f"black level {figures(self.black)} codes, {read}, {len(self.defects)} defects"
 
 
@@ -83,16 +88,19 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         samples = stack[:, here][:, good]
         levels = samples.mean(axis=1)
         if len(frames) > 1:
-            samples -= samples.mean(axis=1, keepdims=True)  # what a whole frame drifts by is no read noise
+            # What a whole frame drifts by is no read noise.
+            samples -= samples.mean(axis=1, keepdims=True)
             variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
         else:
             variance = float(samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
         # What whole frames drift by is an error of the black level that samples of one frame do not show, and few frames hardly.
         usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
-        drift = (((levels - levels.mean()) ** 2).sum() + usual) / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
+        squares = ((levels - levels.mean()) ** 2).sum() + usual
+        drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
         error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
-        if read[plane] < HIDDEN:  # then the mean of the codes is not that of the samples, however many there are
+        # Then the mean of the codes is not that of the samples, however many there are.
+        if read[plane] < HIDDEN:
             error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
         independent = good.sum() * max(len(frames) - 1, 1)
         read_error[plane] = variance / (max(read[plane], HIDDEN) * np.sqrt(2 * max(independent, 1)))
@@ -104,7 +112,8 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
 def _check_alike(samples: DoubleArray) -> None:
     """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
     levels, spreads = np.array([clipped_moments(frame) for frame in samples]).T
-    noises = np.sqrt(spreads**2 + ROUNDING)  # of codes that happen not to change, rounding hides the noise
+    # Of codes that happen not to change, rounding hides the noise.
+    noises = np.sqrt(spreads**2 + ROUNDING)
     for what, values, limit in (
         ("noise", noises, np.sqrt(_UNLIKE) * noises.min()),
         ("level", levels, levels.min() + _DRIFT * max(float(noises.max()), 1.0)),
@@ -130,11 +139,13 @@ def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: Do
     lift = black - black[:-1].min()
     variance = noise**2
     slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0
-    sure = variance.mean() * np.sqrt(2 / max(float(np.bincount(planes.ravel()).min()) * frames, 1.0))
+    samples = max(float(np.bincount(planes.ravel()).min()) * frames, 1.0)
+    sure = variance.mean() * np.sqrt(2 / samples)
     agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
     if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
-        levels = ", ".join(f"{letter} {level:.1f}" for letter, level in zip(letters, black, strict=True))
-        noises = ", ".join(f"{letter} {each:.2f}" for letter, each in zip(letters, noise, strict=True))
+        every = list(zip(letters, black, noise, strict=True))
+        levels = ", ".join(f"{letter} {level:.1f}" for letter, level, _ in every)
+        noises = ", ".join(f"{letter} {each:.2f}" for letter, _, each in every)
         raise InputError(
             f"dark frames: light fell in: their levels are {levels} codes, with a noise of {noises}: both rise from filter to "
             "filter as they do in light, most in W, which sees all colours; cover lens and viewfinder, and take them in the dark"

@@ -36,7 +36,8 @@ def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]
             raise InputError(f"{folder}: {what}")
         searches.append(found)
         for source in found.sources:
-            names = [part.lower() for part in reversed(source.below.parts)] if source.below and known == "shots" else []
+            parts = source.below.parts if source.below and known == "shots" else ()
+            names = [part.lower() for part in reversed(parts)]
             kinds = (kind for name in names for kind in KINDS[1:] if name.startswith(kind))
             files[next(kinds, known)].append(source.name)
     if len(given) > len(KINDS) and files["shots"]:
@@ -47,13 +48,15 @@ def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]
 def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
     """Raise OutputError if the camera file cannot be written to `output`. Call it before the measurements."""
     if output.is_dir():
-        raise OutputError(f"{output}: is a folder; `output` names the camera file, for example {output / 'camera.json'}")
+        example = f"`output` names the camera file, for example {output / 'camera.json'}"
+        raise OutputError(f"{output}: is a folder; {example}")
     if not output.parent.is_dir():
         raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
     if output.exists() and identity(output) in map(identity, chain(*files.values())):
         raise OutputError(f"{output}: is an input; choose another name")
     if output.exists() and not replace_existing:
-        raise OutputError(f"{output}: exists already; `update` puts the new parts into it, `overwrite` replaces it")
+        remedy = "`update` puts the new parts into it, `overwrite` replaces it"
+        raise OutputError(f"{output}: exists already; {remedy}")
 
 
 def read_known(path: Path) -> Camera:
@@ -93,7 +96,8 @@ def _text(value: Any, indent: str = "") -> str:
     """Return JSON with a line per field and per row of a matrix, so that a diff shows the changed figures."""
     deeper = indent + "  "
     if isinstance(value, dict) and value:
-        rows = [f"{deeper}{json.dumps(key)}: {_text(entry, deeper)}" for key, entry in value.items()]
+        fields = ((json.dumps(key), _text(entry, deeper)) for key, entry in value.items())
+        rows = [f"{deeper}{name}: {text}" for name, text in fields]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
     if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple | str | dict):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]

@@ -1,101 +1,405 @@
-"""From observations to a camera: conclude one part after the other. Start reading here."""
+"""Measure the frames of one camera, in the order in which one kind needs what another has shown. Start reading here.
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+`measure_frames` reads and measures, `conclude.conclude` makes a camera of what was measured, `report.write_report` shows it.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
-from shared import Camera
-from shared.arrays import DoubleArray
+from shared import Camera, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray, DoubleArray
+from shared.colorimetry import Matrix
 from shared.errors import InputError
+from tools.batch.console import Console
+from tools.batch.jobs import reason
+from tools.io.page import without_folders
 
-from .observations import Observations
-from .part import Evidence, Part
-from .parts.colour import colour
-from .parts.dark import black_level, defects
-from .parts.gamma import gamma
-from .parts.lens import shading
-from .parts.noise import noise
+from .chart.find import FoundChart, chart_at, find_chart
+from .chart.picture import overlay
+from .colour_matrix import check_channel_order
+from .content import check_dark, check_flat, why_no_chart
+from .dark_frames import DarkResult, measure_dark
+from .files import KINDS, Files
+from .gamma import Assumed, GammaFit, combined, fit_gamma
+from .noise import FlatResult, measure_flats, noise_of_flats
+from .samples import PlaceSamples, figures, patch_samples, without
+from .shading import ShadingResult, measure_shading
 
-PARTS = (gamma, colour, noise, black_level, defects, shading)
-"""In the order of the report. None depends on another."""
-_OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
-_MOVED = 2.0  # standard errors of the black level
+# Of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY).
+_FAR = 1 / 256
+# The white patch; part of full scale below which it shows much more noise than at three quarters.
+_WHITE, _DIM = 18, 0.1
+R = TypeVar("R")
+Check = Callable[[Mosaic], None]
+"""Raises InputError if a frame shows that it is of another kind than it is given as."""
 
 
 @dataclass(frozen=True, eq=False)
-class Conclusion:
-    """The result of a calibration.
+class ShotMeasurement:
+    """Measurements of one shot of the chart.
 
-    evidence: what it was concluded from.
-    parts: what the frames show, or say that they do not show.
-    camera: the camera; None if the frames cannot determine it.
-    refusal: the reason why there is no camera; "" if there is one.
-    contradictions: sentences on what is wrong beyond doubt: the camera must not be used.
-    warnings: sentences for the user.
+    name: file name.
+    calibration: the calibration stored in the shot, with the black level that the measurements refer to.
+    fit: gamma.
+    chart: the chart.
+    places: statistics of the patches.
+    picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
+    light: the one of two on the chart, "" = the only one.
     """
 
-    evidence: Evidence
-    parts: tuple[Part, ...]
-    camera: Camera | None
-    refusal: str
-    contradictions: tuple[str, ...]
-    warnings: tuple[str, ...]
+    name: str
+    calibration: SensorCalibration
+    fit: GammaFit
+    chart: FoundChart
+    places: PlaceSamples
+    picture: ByteArray
+    light: str = ""
+
+
+@dataclass(eq=False)
+class Measurements:
+    """What the frames of one camera show, and what they do not; None = not measured.
+
+    chart_colours: (24, 3), XYZ (D50) of the chart, white = 1.
+    base: the first frame that was read: its pattern, levels and sensor are those of the camera. None = no frame could be read.
+    old: the camera file that is updated; None = there is none.
+    dark: of dark frames.
+    flats: of pairs of flat frames.
+    shots: of each shot of a chart.
+    lights: the names of the two lights on the charts; () = one light, whose name does not matter.
+    shading: of flat frames.
+    stated_defects: (row, column) of the defects that the frames state.
+    skipped: a line for each frame, or set of frames, that could not be used.
+    remarks: why flat frames do not show shading or noise, and why a measurement of before is kept.
+    """
+
+    chart_colours: DoubleArray
+    base: Mosaic | None = None
+    old: Camera | None = None
+    dark: DarkResult | None = None
+    flats: FlatResult | None = None
+    shots: list[ShotMeasurement] = field(default_factory=list)
+    lights: tuple[str, ...] = ()
+    shading: ShadingResult | None = None
+    stated_defects: set[tuple[int, int]] = field(default_factory=set)
+    skipped: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
-    def verdict(self) -> str:
-        """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None or self.contradictions:
-            return "do not use it"
-        return "use it with care" if self.warnings else "use it"
+    def known(self) -> dict[str, dict[str, Any]]:
+        """The parts that the old camera file describes: name -> how it was measured."""
+        return {name: dict(facts) for name, facts in self.old.measured.items()} if self.old else {}
+
+    @property
+    def empty(self) -> bool:
+        """Whether no frame could be used."""
+        return not (self.dark or self.flats or self.shots or self.shading)
+
+    @property
+    def calibration(self) -> SensorCalibration:
+        """That of the old camera file, or of the frames; with the black level of the dark frames.
+
+        Raises InputError if no frame was read.
+        """
+        if self.base is None:
+            raise InputError("no frame could be used")
+        calibration = self.base.calibration
+        if self.old:
+            known = self.old.calibration
+            calibration = replace(known, sensor=known.sensor or calibration.sensor)
+        if self.dark:
+            calibration = replace(calibration, black_level=tuple(self.dark.black.tolist()))
+        return calibration
+
+    @property
+    def planes(self) -> str:
+        """The letters of all planes: the channels, then panchromatic."""
+        return self.calibration.channels + "W"
+
+    @property
+    def gamma(self) -> GammaFit | None:
+        """Gamma as all shots show it together; None = there are none."""
+        return combined([shot.fit for shot in self.shots]) if self.shots else None
+
+    def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
+        """Return how far black level and shading may be off; calibration: of a frame, None = that of the camera."""
+        even, calibration = self.shading is not None, calibration or self.calibration
+        return Assumed.of(calibration, self.dark, self.known, even=even)
 
 
-def conclude(
-    seen: Observations, chart_colours: DoubleArray, provenance: Mapping[str, Any] | None = None, old: Camera | None = None
-) -> Conclusion:
-    """Combine all that was measured into one camera.
+def measure_frames(
+    console: Console,
+    files: Files,
+    chart_colours: DoubleArray,
+    corners: Matrix | None = None,
+    sensor: str | None = None,
+    old: Camera | None = None,
+) -> Measurements:
+    """Measure all frames of one camera. A frame that cannot be used is skipped, with a line that says why.
 
-    seen: what was measured.
-    chart_colours: (24, 3), XYZ (D50) of the chart, white = 1.
-    provenance: facts that every part of the camera file records.
-    old: the camera file to be updated: what was measured replaces whole parts of it. None = there is none.
-
-    Raises InputError if no frame was read.
+    Parameters
+    ----------
+    console
+        For lines, records and progress.
+    files
+        Paths of each kind.
+    chart_colours
+        XYZ (D50) of the chart, white = 1, (24, 3).
+    corners
+        Of the chart in the only shot, see `ChartPlace`; None = find it.
+    sensor
+        Name of the sensor; None = the name in the frames.
+    old
+        A camera file that is updated: its black level, shading and gamma count as known. None = there is none.
     """
-    if seen.base is None:
-        raise InputError("no frame could be used")
-    calibration = seen.base.calibration
-    if old:
-        calibration = replace(old.calibration, sensor=old.calibration.sensor or calibration.sensor)
-    if seen.dark:
-        calibration = replace(calibration, black_level=tuple(seen.dark.black.tolist()))
-    evidence = Evidence(seen, calibration, seen.base.pattern.channels, chart_colours, old)
-    parts = tuple(part for concluded in PARTS if (part := concluded(evidence)))
-    measured = {part.name: {**(provenance or {}), **part.facts} for part in parts if part.facts is not None}
-    changes: dict[str, Any] = {name: value for part in parts for name, value in part.changes.items()}
-    if calibration.noise and "noise" not in changes and "gamma" in changes:
-        # Noise is in scene units, and the new gamma rescales these.
-        changes["noise"] = calibration.noise.in_units_of(calibration.full_scale / math.fsum(changes["gamma"]))
-    refusal = "; ".join(part.refusal for part in parts if part.refusal)
-    camera = None
-    if not refusal:
-        camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured}, seen.base.shape)
-    contradictions = tuple(line for part in parts for line in part.contradictions)
-    warnings = (*seen.remarks, *(line for part in parts for line in part.warnings), *_outdated(evidence, measured))
-    return Conclusion(evidence, parts, camera, refusal, contradictions, warnings)
+    session = Session(console, chart_colours, sensor, old)
+    session.dark(files["dark"])
+    session.flat(files["flat"])
+    session.shots(files["shots"], corners)
+    session.seen.lights = tuple(kind for kind in files if kind not in KINDS)
+    for light in session.seen.lights:
+        session.shots(files[light], light=light)
+    return session.seen
 
 
-def _outdated(evidence: Evidence, measured: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a warning of parts that are kept, and were measured with a black level that has turned out to be wrong."""
-    kept = [part for part in evidence.known if part in _OF_BLACK and part not in measured]
-    if not (kept and evidence.old and evidence.seen.dark):
-        return ()
-    moved = evidence.seen.dark.black - np.array(evidence.old.calibration.black_level)
-    if not (np.abs(moved) > _MOVED * evidence.assumed.black).any():
-        return ()
-    return (
-        f"the black level is {np.abs(moved).max():.1f} codes off the one with which {', '.join(kept)} of the camera file were "
-        "measured; give all frames together to measure these again",
-    )
+def measure_chart(
+    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, assumed: Assumed | None = None
+) -> ShotMeasurement:
+    """Find the chart in a shot, measure its patches, and estimate gamma from them.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    mosaic
+        The shot.
+    reference
+        XYZ (D50) of the chart, white = 1, (24, 3).
+    corners
+        Of the chart, see `ChartPlace`; None = find it.
+    assumed
+        What may be off; None = nothing was measured, see `Assumed.of`.
+
+    Raises
+    ------
+    InputError
+        With the reason, if the shot cannot be used.
+    """
+    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
+    places = patch_samples(mosaic, chart.place.measured())
+    check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
+    fit = fit_gamma(places, mosaic.calibration, assumed)
+    picture = overlay(mosaic, chart.place)
+    return ShotMeasurement(name, mosaic.calibration, fit, chart, places, picture)
+
+
+class Session:
+    """Measures frames kind by kind; see `measure_frames`. read: reads a frame. `seen` is what was measured so far."""
+
+    def __init__(
+        self,
+        console: Console,
+        chart_colours: DoubleArray,
+        sensor: str | None = None,
+        old: Camera | None = None,
+        read: Callable[[str], Mosaic] = read_dng,
+    ) -> None:
+        self._console, self._sensor, self._read_file = console, sensor, read
+        # Fields of the calibration that count more than what a frame states.
+        self._known: dict[str, Any] = {}
+        if old:
+            self._known["shading"] = old.calibration.shading
+            if "black_level" in old.measured:
+                self._known["black_level"] = old.calibration.black_level
+        self._paths: dict[bytes, tuple[str, str]] = {}  # digest of the samples -> path, kind
+        self._base_path, self._has_shot = "", False
+        self.seen = Measurements(chart_colours, old=old)
+
+    def dark(self, paths: Sequence[str]) -> None:
+        """Measure the dark frames; later frames get their black level."""
+        frames = self._unshaded(paths, "dark", check_dark)
+        if frames:
+            try:
+                dark = self.seen.dark = measure_dark([mosaic for _, mosaic in frames])
+            except InputError as error:
+                self._skip(paths, error)
+            else:
+                self._known["black_level"] = tuple(dark.black.tolist())
+                self._console.say(dark.words)
+                path, first = frames[0]
+                if self._is_far(first.calibration):
+                    stated = figures(first.calibration.black_level)
+                    other = "states another black level than the dark frames show"
+                    self._console.note(f"{path} {other}: {stated} codes")
+        if self.seen.dark is None:  # what refused frames state is not the camera's
+            self.seen.base = None
+
+    def flat(self, paths: Sequence[str]) -> None:
+        """Measure the flat frames; later frames get their shading."""
+        check = partial(check_flat, black_measured="black_level" in self._known)
+        frames = self._unshaded(paths, "flat", check)
+        if frames:
+            self._measure_shading(frames)
+            self._measure_noise(paths, frames)
+
+    def _measure_shading(self, frames: list[tuple[str, Mosaic]]) -> None:
+        """Measure the shading of flat frames; what a shot states of its shading does not count any more."""
+        if self.seen.base is not None:
+            self.seen.base = without(self.seen.base, "shading")
+        before = self._known.setdefault("shading", None)
+        try:
+            self.seen.shading = measure_shading(frames)
+        except InputError as error:
+            kept = ", and the one before is kept" if before else ""
+            self.seen.remarks.append(f"no shading was measured{kept}: {error}")
+        else:
+            self._known["shading"] = self.seen.shading.shading
+            self._console.say(self.seen.shading.words)
+
+    def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
+        """Measure the noise of flat frames, which only pairs of them show."""
+        try:
+            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
+            calibration = frames[0][1].calibration
+            # Frames that do not show it are refused here, where they can be named.
+            noise_of_flats(flats, calibration, self.seen.dark, self.seen.assumed(calibration).black)
+        except InputError as error:
+            if self.seen.shading is None:
+                self._skip(paths, error)
+            else:
+                self.seen.remarks.append(f"no noise was measured: {error}")
+            return
+        self.seen.flats = flats
+        for index in unpaired:
+            why = "it is clipped, or no other flat frame has its exposure"
+            self._console.note(f"{frames[index][0]} tells no noise: {why}")
+
+    def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
+        """Measure shots of a chart; light: see `ShotMeasurement`, the other arguments: see `measure_frames`."""
+
+        def measured(path: str) -> ShotMeasurement:
+            (mosaic, stated), name = self._read(path, "shot"), Path(path).name
+            shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
+            if shading and (zoomed := shading.zoomed(focal_length)):
+                self._console.note(f"{path}: {zoomed}")
+            assumed = self.seen.assumed(mosaic.calibration)
+            try:
+                return measure_chart(name, mosaic, self.seen.chart_colours, corners, assumed)
+            except InputError as error:
+                why = why_no_chart(mosaic) or str(error)
+                if self._is_far(stated):
+                    why += (
+                        f"; or the dark frames are to blame: they show black level {figures(self._known['black_level'])}, the "
+                        f"shot states {figures(stated.black_level)} codes"
+                    )
+                raise InputError(why) from None
+
+        for shot in self._each(paths, "shot", measured):
+            gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
+            self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
+            white = shot.places.mean[_WHITE, -1]
+            if white < _DIM:
+                self.seen.remarks.append(
+                    f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full scale; expose more, up to 75 %"
+                )
+            self.seen.shots.append(replace(shot, light=light))
+
+    def _is_far(self, stated: SensorCalibration) -> bool:
+        """Whether the black level that a frame states is far from the one that was measured."""
+        black = np.array(self._known.get("black_level", stated.black_level))
+        return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
+
+    def _unshaded(self, paths: Sequence[str], kind: str, check: Check) -> list[tuple[str, Mosaic]]:
+        """Return the frames that can be read and are of this kind, without the shading that they state."""
+
+        def read(path: str) -> tuple[str, Mosaic]:
+            mosaic, _ = self._read(path, kind, check)
+            return path, without(mosaic, "shading")
+
+        return list(self._each(paths, kind, read))
+
+    def _read(self, path: str, kind: str, check: Check = lambda _: None) -> tuple[Mosaic, SensorCalibration]:
+        """Return a frame with what is known of the camera, and what the frame states.
+
+        Raises InputError for a copy of a frame before, and if it is from another camera, or was taken with other settings.
+        """
+        mosaic = self._read_file(path)
+        # What one frame's colours suggest of the light is no part of a camera.
+        stated, base = mosaic.calibration.without_estimates(), self.seen.base
+        sensor = self._sensor or stated.sensor or (base.calibration.sensor if base else "")
+        stated = replace(stated, sensor=sensor)
+        mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
+        self._check_same(mosaic, kind)
+        mosaic = mosaic.calibrated(replace(stated, **self._known))
+        check(mosaic)
+        digest = hashlib.sha256(mosaic.codes.data).digest()
+        if digest in self._paths:
+            first, before = self._paths[digest]
+            which = f"it is the same shot as {first}"
+            if first == path:
+                which = f"it is given twice, as {before} and as {kind}"
+            raise InputError(f"{which}: a copy adds nothing; leave it out")
+        self._paths[digest] = path, kind
+        self.seen.stated_defects |= set(stated.defects)
+        if self.seen.base is None:
+            self._base_path = path
+        if self.seen.base is None or (kind == "shot" and not self._has_shot):
+            # A shot of the chart states colours and noise, where others may not.
+            self.seen.base = mosaic
+        self._has_shot |= kind == "shot"
+        return mosaic, stated
+
+    def _check_same(self, mosaic: Mosaic, kind: str) -> None:
+        """Raise InputError unless a frame has size, pattern and levels of the first one: as they are stated."""
+        if self.seen.base is None:
+            return
+        ours, first = _facts(mosaic), _facts(self.seen.base)
+        # Dark frames measure it, whatever a frame states.
+        if kind == "dark" or "black_level" in self._known:
+            del ours["black level"]
+        for name, fact in ours.items():
+            if fact != first[name] and (name != "sensor" or (fact and first[name])):
+                raise InputError(
+                    f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all frames have to be from one camera, "
+                    "with the same settings"
+                )
+
+    def _each(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
+        """Yield what `work` makes of each frame that it can use, with a record; the others are skipped."""
+        for path in paths:
+            try:
+                with self._console.progress(Path(path).name) as progress:
+                    progress.stage("measuring", 1)
+                    result = work(path)
+            except Exception as error:
+                self._skip([path], error)
+            else:
+                self._console.record(source=path, ok=True, kind=kind)
+                yield result
+
+    def _skip(self, paths: Sequence[str], error: Exception) -> None:
+        """Say and record why these frames are skipped."""
+        path, why = " ".join(paths), reason(error)
+        line = why if path in why else f"{path}: {why}"
+        self.seen.skipped.append(without_folders(line, paths))
+        self._console.error(f"skipped {line}", cause=error)
+        self._console.record(source=path, ok=False, error=" ".join(why.split()))
+
+
+def _facts(mosaic: Mosaic) -> dict[str, str]:
+    """Return what frames of one camera have in common, for people."""
+    calibration, pattern = mosaic.calibration, mosaic.pattern
+    return {
+        "sensor": calibration.sensor,
+        "size": f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels",
+        "pattern": f"{pattern.channels} period {pattern.period} ({' '.join(pattern.letters_from())})",
+        "number of bits": str(calibration.bits),
+        "white level": str(calibration.white_level),
+        "black level": figures(calibration.black_level),
+    }

@@ -3,6 +3,7 @@
 Photon transfer: variance over mean tells gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -50,46 +51,50 @@ class PhotonTransfer:
 def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
     """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
 
-    An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line.
+    An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line. Places far above
+    the line have texture and are left out.
 
     mean, variance: (N,), parts of full scale.
     count: (N,), number of samples; it gives the weight, because the variance of n samples has the variance 2 variance^2 / (n - 1).
     read: read noise from dark frames, parts of full scale; None = it is the line's intercept.
-
-    Places far above the line have texture and are left out.
     """
     good = (count > 1) & np.isfinite(variance)
-    mean, variance, count = mean[good], variance[good], count[good]
-    design = np.stack([np.maximum(mean, 0), np.ones(mean.size)], axis=1)
-    kept: BoolArray = np.ones(mean.size, bool)
+    mean, variance, root = mean[good], variance[good], np.sqrt((count[good] - 1) / 2)
+    columns = np.maximum(mean, 0)[:, None]
+    if read is None:
+        columns = np.insert(columns, 1, 1.0, axis=1)
+    signed = np.concatenate([columns, -columns[:, 1:]], axis=1)  # nnls: none is negative
     offset = 0.0 if read is None else read**2
-    columns = design if read is None else design[:, :1]
-    signed = np.concatenate([columns, -columns[:, 1:]], axis=1)
     predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
-    coefficients = np.zeros(columns.shape[1])
+    kept: BoolArray = np.ones(mean.size, bool)
+    coefficients = score = np.zeros(0)
     for _ in range(_ROUNDS):
-        weight = np.sqrt((count - 1) / 2) / np.maximum(predicted, 1e-15)
-        coefficients, _ = nnls(signed[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
-        predicted = np.maximum(signed @ coefficients + offset, np.maximum(_LEAST_SHARE * variance, 1e-15))
-        score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
+        weight = (root / np.maximum(predicted, 1e-15))[kept]
+        coefficients, _ = nnls(signed[kept] * weight[:, None], (variance[kept] - offset) * weight)
+        least = np.maximum(_LEAST_SHARE * variance, 1e-15)
+        predicted = np.maximum(signed @ coefficients + offset, least)
+        score = (variance / predicted - 1) * root
         kept = score <= _HIGH * max(1.0, robust_deviation(score))
         if kept.sum() < 2:
             kept = np.ones(mean.size, bool)
-    weight = np.sqrt((count - 1) / 2) / predicted
-    scaled = columns[kept] * weight[kept, None]
+    scaled = columns[kept] * (root / predicted)[kept, None]
     information = scaled.T @ scaled
     # A pseudo-inverse would report an error of nearly 0 for what the places do not determine.
-    determined = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
-    errors = np.sqrt(np.diag(np.linalg.inv(information))) if determined else np.full(len(information), np.inf)
+    unknowns = len(information)
+    errors = np.full(unknowns, np.inf)
+    if kept.any() and np.linalg.matrix_rank(information, hermitian=True) == unknowns:
+        errors = np.sqrt(np.diag(np.linalg.inv(information)))
     # Places that differ by more than noise explains, as with texture, tell it less well.
-    left = ((variance / predicted - 1) * np.sqrt((count - 1) / 2))[kept]
-    errors = errors * max(1.0, float(np.sqrt((left**2).sum() / max(len(left) - len(information), 1))))
-    shot = float(coefficients[0])
+    spread = float(np.sqrt((score[kept] ** 2).sum() / max(kept.sum() - unknowns, 1)))
+    errors = errors * max(1.0, spread)
+    shot, *intercept = coefficients
     if read is not None:
-        return PhotonTransfer(shot, read, float(errors[0]), 0.0)
-    intercept = float(np.sqrt(max(coefficients[1] - coefficients[2], 0.0)))
-    read_error = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if determined else np.inf
-    return PhotonTransfer(shot, intercept, float(errors[0]), read_error)
+        return PhotonTransfer(float(shot), read, float(errors[0]), 0.0)
+    fitted = float(np.sqrt(max(intercept[0] - intercept[1], 0.0)))
+    read_error = np.inf
+    if np.isfinite(errors[1]):
+        read_error = float(errors[1] / (2 * max(fitted, np.sqrt(errors[1]))))
+    return PhotonTransfer(float(shot), fitted, float(errors[0]), read_error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +128,14 @@ class NoiseResult:
 
     def model(self, full_scale: float) -> NoiseModel:
         """Return the noise model in scene units; full_scale: scene units at the white level."""
-        return NoiseModel(*(tuple(full_scale * getattr(line, name) for line in self.lines) for name in ("shot", "read")))
+        shot, read = zip(*((line.shot, line.read) for line in self.lines), strict=True)
+        return NoiseModel(*(tuple(full_scale * value for value in each) for each in (shot, read)))
 
     @property
     def uncertainty(self) -> float:
         """Half the 95 % interval of what light adds to the variance at full scale, over that variance: of the plane known worst."""
-        return max(SIGMAS * line.shot_error / max(float(line.variance(np.ones(1))[0]), 1e-30) for line in self.lines)
+        of_lines = [line.shot_error / max(line.shot + line.read**2, 1e-30) for line in self.lines]
+        return SIGMAS * max(of_lines)
 
 
 def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
@@ -142,24 +149,25 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     white = len(frames[0].pattern.planes) - 1
     levels = [levels_of(frame).astype(np.float64) for frame in frames]
     brightness = [float(np.median(level[planes == white])) for level in levels]
-    order = sorted((index for index in range(len(frames)) if 0 < brightness[index] < CLIPPED), key=lambda index: brightness[index])
-    pairs, unpaired = [], [index for index in range(len(frames)) if index not in order]
-    while order:
-        first = order.pop(0)
-        if order and brightness[order[0]] <= brightness[first] * (1 + _SAME_EXPOSURE):
-            pairs.append((first, order.pop(0)))
-        else:
-            unpaired.append(first)
+    lit = sorted((level, index) for index, level in enumerate(brightness) if 0 < level < CLIPPED)
+    pairs: list[tuple[int, int]] = []
+    while len(lit) > 1:
+        (level, first), (other, second) = lit[:2]
+        if other <= level * (1 + _SAME_EXPOSURE):
+            pairs.append((first, second))
+        del lit[: 2 if other <= level * (1 + _SAME_EXPOSURE) else 1]
+    unpaired = sorted(set(range(len(frames))).difference(*pairs))
     if not pairs:
         raise InputError(
             "flat frames: no two unclipped frames have the same exposure; take two of each, at several exposures up to three "
             "quarters of full scale"
         )
-    points = [_grouped(_pair_points(levels[first], levels[second], planes, white + 1)) for first, second in pairs]
+    frames_of = [(levels[first], levels[second]) for first, second in pairs]
+    points = [_grouped(_pair_points(*pair, planes, white + 1)) for pair in frames_of]
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
-    first, second = pairs[-1]
-    dead, blind = _dead(levels[first] + levels[second], levels[first] - levels[second], planes)
-    return FlatResult(len(pairs), PlaceSamples(mean, variance, count, np.zeros(len(mean), bool)), dead, blind), unpaired
+    number = len(mean)
+    places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
+    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes)), unpaired
 
 
 def noise_of_flats(
@@ -177,17 +185,20 @@ def noise_of_flats(
     points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))
     known = dark if dark is not None and dark.shows_read else None
     lines = []
-    for plane, (mean, variance, count) in enumerate(zip(points.mean.T, points.variance.T, points.count.T, strict=True)):
-        line = fit_photon_transfer(mean, variance, count, None if known is None else float(known.read[plane] / span[plane]))
-        stretch = 0.0 if black_error is None else float(black_error[plane] / span[plane])
+    for plane, full in enumerate(span.tolist()):
+        read = None if known is None else float(known.read[plane] / full)
+        mean, variance, count = (points.mean[:, plane], points.variance[:, plane], points.count[:, plane])
+        line = fit_photon_transfer(mean, variance, count, read)
         # Black that is off stretches the levels, and moves the line's intercept.
-        line = replace(line, shot_error=float(np.hypot(line.shot_error, line.shot * stretch)))
+        moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
         if known is None:
-            least = max(line.read, float(np.sqrt(line.shot * stretch)), 1e-12)
-            lines.append(replace(line, read_error=float(np.hypot(line.read_error, line.shot * stretch / least))))
+            read_error = math.hypot(line.read_error, moved / max(line.read, moved**0.5, 1e-12))
         else:
-            lines.append(replace(line, read_error=float(known.read_error[plane] / span[plane])))
-    noise = NoiseResult(tuple(lines), points, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
+            read_error = float(known.read_error[plane] / full)
+        shot_error = math.hypot(line.shot_error, moved)
+        lines.append(replace(line, shot_error=shot_error, read_error=read_error))
+    source = f"{flats.pairs} pair{'s' if flats.pairs > 1 else ''} of flat frames"
+    noise = NoiseResult(tuple(lines), points, source)
     fault = ""
     if float((points.variance * span**2).max(axis=0, initial=0).min()) < HIDDEN**2:
         fault = "show less noise than rounding to codes hides"
@@ -215,49 +226,49 @@ def _grouped(places: DoubleArray) -> DoubleArray:
     for group in np.array_split(np.argsort(kept[:, 0, -1]), min(_GROUPS, len(kept))):
         mean, variance, count = np.moveaxis(kept[group], 1, 0)
         free = np.maximum(count - 1, 0)
-        known = (variance * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
-        groups.append(((mean * count).sum(axis=0) / count.sum(axis=0), known, free.sum(axis=0) + 1))
+        pooled = (variance * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
+        groups.append((np.average(mean, 0, count), pooled, free.sum(axis=0) + 1))
     return np.array(groups)
 
 
-def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, number: int) -> DoubleArray:
+def _pair_points(one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int) -> DoubleArray:
     """Return mean, half the variance of the difference of two frames, and number of samples, in N tiles that are not clipped.
 
     number: of planes P; the result is (N, 3, P).
     """
     places = []
     for window in tiles(planes):
-        here, place = planes[window], np.zeros((3, number))
-        brightest = 0.0
+        place, brightest = np.zeros((3, number)), 0.0
         for plane in range(number):
-            a, b = first[window][here == plane], second[window][here == plane]
-            difference = a - b
-            centre, spread = clipped_moments(difference)
-            good = np.abs(difference - centre) <= CLIP * max(spread, 1e-12)
-            place[:, plane] = (a[good].mean() + b[good].mean()) / 2, difference[good].var(ddof=1) / 2, good.sum()
+            a, b = (frame[window][planes[window] == plane] for frame in (one, two))
+            centre, spread = clipped_moments(a - b)
+            good = np.abs(a - b - centre) <= CLIP * max(spread, 1e-12)
+            a, b = a[good], b[good]
+            place[:, plane] = (a.mean() + b.mean()) / 2, (a - b).var(ddof=1) / 2, a.size
             brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))
         if brightest < CLIPPED:
             places.append(place)
     return np.reshape(places, (-1, 3, number))
 
 
-def _dead(bright: DoubleArray, difference: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:
-    """Return (row, column) of pixels with less than half the light of their plane in the same tile, and the part that cannot tell.
+def _dead(one: DoubleArray, two: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:
+    """Return (row, column) of pixels that are dead in two frames (H, W), and the part of the pixels that cannot tell.
 
-    bright, difference: (H, W), sum and difference of two frames; the difference shows the noise of the sum.
-
-    A good pixel must not be as dark by chance, nor a dead one as bright: the limit, half the light, is DEFECT deviations of the
-    noise away from both. Where many pixels are dark it is the light that is uneven.
+    Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark by chance, nor a dead one as
+    bright: half the light is DEFECT deviations of the noise away from both. Where many pixels are dark the light is uneven.
     """
-    found, blind = [], 0
+    found: list[tuple[int, int]] = []
+    blind, bright = 0, one + two
     for window in tiles(planes):
-        tile, here, noise = bright[window], planes[window], difference[window]
-        for plane in np.unique(here):
-            own = here == plane
-            middle = float(np.median(tile[own]))
+        top, left = window[0].start, window[1].start
+        tile, noise = bright[window], one[window] - two[window]
+        for plane in np.unique(planes[window]):
+            own = planes[window] == plane
+            middle, number = float(np.median(tile[own])), int(own.sum())
             low = own & (tile < _DEAD * middle)
-            if (1 - _DEAD) * middle < DEFECT * clipped_moments(noise[own])[1] or low.sum() > max(_MOST_DEAD * own.sum(), 2):
-                blind += int(own.sum())
-                continue
-            found += [(window[0].start + row, window[1].start + column) for row, column in np.argwhere(low).tolist()]
+            noisy = (1 - _DEAD) * middle < DEFECT * clipped_moments(noise[own])[1]
+            if noisy or low.sum() > max(_MOST_DEAD * number, 2):
+                blind += number
+            else:
+                found += [(top + row, left + column) for row, column in np.argwhere(low).tolist()]
     return tuple(found), blind / planes.size

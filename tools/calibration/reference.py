@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -15,7 +14,6 @@ from tools.io.colour_difference import delta_e_2000
 
 from .chart.place import COLUMNS, NAMES, PATCHES
 
-_TI3 = Path(__file__).with_name("chart.ti3")  # CGATS requires its declarations (KEYWORD) of non-standard keywords
 _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
@@ -25,7 +23,8 @@ _WHITE = 18
 _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on charts sold
 _MOST_LIGHTNESS, _MOST_CHROMA = 100.5, 128
 _TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
-_EXCHANGED, _OF_THE_SAME_CHART = 5.0, 6.0  # dE2000: two patches differ by 9 and more, two charts of a kind by 1 to 3
+# dE2000: two patches differ by 9 and more, two charts of a kind by 1 to 3.
+_EXCHANGED, _OF_THE_SAME_CHART = 5.0, 6.0
 
 
 def read_reference(path: Path) -> DoubleArray:
@@ -36,8 +35,7 @@ def read_reference(path: Path) -> DoubleArray:
     order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
     """
     try:
-        text = read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1")
-        return _reference(text)
+        return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -48,7 +46,7 @@ def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
     reference: (24, 3), XYZ (D50), white = 1, as read from the file; usual: those of the built-in chart.
     """
     first, second = (xyz_to_lab(colours) for colours in (reference, usual))
-    difference = delta_e_2000(np.repeat(first, PATCHES, axis=0), np.tile(second, (PATCHES, 1))).reshape(PATCHES, PATCHES)
+    difference = delta_e_2000(*np.broadcast_arrays(first[:, None], second[None]))
     patches, places = linear_sum_assignment(difference)
     matched, own = difference[patches, places], np.diag(difference)
     wrong = np.flatnonzero(own - matched > _EXCHANGED)
@@ -66,20 +64,24 @@ def _reference(text: str) -> DoubleArray:
     columns = next((names for names in _COLUMNS if all(name in fields for name in names)), None)
     if columns is None:
         spectra = any(field.upper().startswith(("SPEC", "NM")) for field in fields)
-        remedy = "; it has spectra: turn them into XYZ for D50 and 2 degrees, as Argyll's spec2cie does" if spectra else ""
-        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B{remedy}")
+        remedy = "turn them into XYZ for D50 and 2 degrees, as Argyll's spec2cie does"
+        why = f"; it has spectra: {remedy}" if spectra else ""
+        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B{why}")
     if len(rows) != PATCHES:
         raise InputError(f"{len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
-        values = np.array([[float(row[fields.index(column)]) for column in columns] for row in rows])
+        places = [fields.index(column) for column in columns]
+        values = np.array([[float(row[place]) for place in places] for row in rows])
     except ValueError as error:
         raise InputError(str(error)) from None
     if not np.isfinite(values).all():
         raise InputError("a colour is not a finite number")
     labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
-    orders = [order for label in labels if (order := _order([row[fields.index(label)] for row in rows]))]
+    every = [_order([row[fields.index(label)] for row in rows]) for label in labels]
+    orders = [order for order in every if order]
     if labels and not orders:
-        raise InputError(f"{' or '.join(labels)} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
+        wanted = f"each of the patches A1 to F4 (or 1 to {PATCHES}) once"
+        raise InputError(f"{' or '.join(labels)} does not name {wanted}")
     ordered = np.empty_like(values)
     ordered[orders[0] if orders else list(range(PATCHES))] = values
     _check_light(text)
@@ -100,16 +102,18 @@ def _scaled(values: DoubleArray) -> DoubleArray:
 
 def _from_lab(values: DoubleArray) -> DoubleArray:
     """Return XYZ with white = 1, from L*a*b* (D50)."""
-    light = values[:, 0]
-    if light.min() < 0 or light.max() > _MOST_LIGHTNESS or np.abs(values[:, 1:]).max() > _MOST_CHROMA:
-        raise InputError(f"L*a*b* lies beyond L* 0 to 100 and a*, b* -{_MOST_CHROMA} to {_MOST_CHROMA}; is it encoded?")
+    light, chroma = values[:, 0], np.abs(values[:, 1:])
+    if light.min() < 0 or light.max() > _MOST_LIGHTNESS or chroma.max() > _MOST_CHROMA:
+        limits = f"L* 0 to 100 and a*, b* -{_MOST_CHROMA} to {_MOST_CHROMA}"
+        raise InputError(f"L*a*b* lies beyond {limits}; is it encoded?")
     return lab_to_xyz(values)
 
 
 def _checked(reference: DoubleArray) -> DoubleArray:
     """Return the reference. Raises InputError unless its greys get darker from patch to patch and are grey for D50."""
     grey = reference[_WHITE:]
-    if reference.min() < 0 or not _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE or (np.diff(grey[:, 1]) >= 0).any():
+    darker = (np.diff(grey[:, 1]) < 0).all() and _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE
+    if reference.min() < 0 or not darker:
         raise InputError(
             "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, to black; correct scale or order"
         )
@@ -126,22 +130,8 @@ def _check_light(text: str) -> None:
     header = text.partition("BEGIN_DATA_FORMAT")[0]
     for said, remedy in ((_LIGHT.search(header), "D50"), (_OBSERVER.search(header), "2 degrees")):
         if said:
-            raise InputError(f"says {' '.join(said[0].split())}; its colours have to be for {remedy}")
-
-
-def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
-    """Return a .ti3 file, from which Argyll's colprof makes a profile.
-
-    reference: (24, 3), XYZ (D50), white = 1.
-    camera: (24, 3), camera RGB, 1 = white.
-
-    colprof accepts device values from 0 to 100. A camera's values have no fixed scale: if one exceeds 1, all are scaled down.
-    """
-    camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
-    rows = []
-    for index, values in enumerate(100 * np.concatenate([reference, camera], axis=1)):
-        rows.append(" ".join([_name(index), *(f"{value:.6f}" for value in values)]))
-    return Template(_TI3.read_text("utf-8")).substitute(number=PATCHES, rows="\n".join(rows))
+            light = " ".join(said[0].split())
+            raise InputError(f"says {light}; its colours have to be for {remedy}")
 
 
 def _table(text: str) -> tuple[list[str], list[list[str]]]:
@@ -156,11 +146,13 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
     except ValueError:
         raise InputError("is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
     if comma := next((bare for _, bare in pairs[data] if "," in bare), ""):
-        raise InputError(f"{comma} has a comma; CGATS has decimal points, and spaces or tabs between values")
+        remedy = "CGATS has decimal points, and spaces or tabs between values"
+        raise InputError(f"{comma} has a comma; {remedy}")
     words = words[data]
     if not fields or len(words) % len(fields):
         raise InputError(f"{len(words)} values do not fill rows of {len(fields)} fields")
-    return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
+    starts = range(0, len(words), len(fields))
+    return fields, [words[start : start + len(fields)] for start in starts]
 
 
 def _order(names: list[str]) -> list[int]:

@@ -1,43 +1,129 @@
 """The calibration report: one HTML page for sign-off, with the verdict first, then the measurements and how well they fit."""
 
 import json
-from collections.abc import Callable, Mapping
-from html import escape
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tools.batch.html import bullets
-from tools.batch.html import report as page
+import numpy as np
 
-from .measure import Conclusion
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ
+from tools.io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
+from tools.io.colour_difference import delta_e_2000
+from tools.io.page import embed_picture, embed_plot, render_page
 
-_STYLE = Path(__file__).with_name("report.css")
+from .chart.place import NAMES
+from .conclude import Result
+from .noise import SIGMAS, NoiseResult
+from .parts.colour import ChartColours
+from .samples import figures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_TEMPLATE = Path(__file__).with_name("report.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
+_PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
+_EDGE = "#1f1f1c"
+_OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def report(conclusion: Conclusion, provenance: Mapping[str, str], worded: Callable[[str], str] = str) -> bytes:
+def write_report(result: Result, made: Mapping[str, str]) -> bytes:
     """Return the content of the page's file.
 
-    provenance: date, program, ...
-    worded: puts messages into the reader's words, see `Console.worded`.
+    Parameters
+    ----------
+    result
+        Of the calibration.
+    made
+        Date, program, ...
     """
-    camera, warnings = conclusion.camera, [*conclusion.contradictions, *conclusion.warnings]
-    sections: dict[str, str] = {}
-    for part in conclusion.parts:
-        sections |= part.sections()
-    sections["Skipped files"] = bullets(map(worded, conclusion.evidence.seen.skipped))
-    if camera:
-        text = escape(json.dumps(camera.to_json(), indent=1, ensure_ascii=False))
-        sections["camera.json"] = f"<details><summary>Content, id {camera.calibration.id}</summary><pre>{text}</pre></details>"
-    facts = [conclusion.refusal, *(part.headline for part in conclusion.parts)]
-    if not (conclusion.refusal or warnings):
-        facts.append("There are no warnings.")
-    return page(
-        f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        ", ".join(provenance.values()),
-        conclusion.verdict.capitalize(),
-        _TONES[conclusion.verdict],
-        sections,
-        facts=[worded(" ".join(filter(None, facts)))],
-        remarks=map(worded, warnings),
-        css=_STYLE.read_text("utf-8"),
+    camera, seen, parts = result.camera, result.seen, result.parts
+    told = () if result.refusal else result.contradictions  # a refusal names them already
+    found = {name: part.result for name, part in parts.items() if part.result is not None}
+    return render_page(
+        _TEMPLATE,
+        title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
+        made=", ".join(made.values()),
+        verdict=result.verdict.capitalize(),
+        tone=_TONES[result.verdict],
+        refusal=result.refusal,
+        warnings=[*told, *result.warnings],
+        skipped=seen.skipped,
+        planes=seen.planes,
+        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
+        gamma=found.get("gamma"),
+        residuals=embed_plot(lambda axes: _plot_residuals(axes, result)) if "gamma" in found else "",
+        colours=[(chart, _patches(chart), _differences(chart), _glow(chart.fit.light)) for chart in found.get("colour", ())],
+        noise=found.get("noise"),
+        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes)) if "noise" in found else "",
+        dark=seen.dark,
+        shading=seen.shading,
+        camera=camera,
+        document=json.dumps(camera.to_json(), indent=1, ensure_ascii=False) if camera else "",
+        figures=figures,
+        sigmas=SIGMAS,
+        zip=zip,
     )
+
+
+def _plot_residuals(axes: "Axes", result: Result) -> None:
+    """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were left out are crosses."""
+    colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
+    for fit in (shot.fit for shot in result.seen.shots):
+        percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
+        for here, marker in ((fit.used, "o"), (~fit.used, "X")):
+            x, y, fill = fit.level[here], percent[here], colours[here]
+            axes.scatter(x, y, s=38, c=fill, marker=marker, edgecolors=_EDGE, linewidths=0.6)
+    axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
+    axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
+
+
+def _plot_transfer(axes: "Axes", noise: NoiseResult, planes: str) -> None:
+    """Plot variance over mean, with a line per plane."""
+    for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
+        colour, mean = _PLANES.get(letter, _OTHER), noise.points.mean[:, plane]
+        axes.scatter(mean, noise.points.variance[:, plane], s=12, c=colour, alpha=0.6)
+        steps = np.geomspace(max(mean.min(), 1e-5) / 1.5, max(mean.max(), 1e-4) * 1.5, 40)
+        axes.plot(steps, line.variance(steps), color=colour, label=letter)
+    axes.set(xlabel="mean, part of full scale", ylabel="variance", xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+    axes.legend()
+
+
+def _patches(chart: ChartColours) -> list[tuple[str, float, tuple[str, ...]]]:
+    """Return of each patch its name, its dE2000, and its colours: before, after, reference."""
+    versions = [chart.fit.lab, chart.fit.reference]
+    if chart.before is not None:
+        versions.insert(0, chart.before)
+    stripes = zip(*map(_css_colours, versions), strict=True)
+    return list(zip(NAMES, chart.fit.difference.tolist(), stripes, strict=True))
+
+
+def _differences(chart: ChartColours) -> list[tuple[str, str, str]]:
+    """Return mean and maximum of dE2000 before, after, and with each patch predicted from the others."""
+    fit, rows = chart.fit, []
+    if chart.before is not None:
+        name = "before (only white balance, or the shot's own matrix)"
+        rows.append((name, delta_e_2000(chart.before, fit.reference)))
+    rows += [
+        ("matrix, light treated as even", fit.plain),
+        ("matrix, corrected for uneven light", fit.difference),
+        ("the same, each patch predicted from the others", fit.left_out),
+    ]
+    return [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in rows]
+
+
+def _glow(light: DoubleArray) -> list[tuple[float, int]]:
+    """Return the light on each patch, and its lightness on the page, per cent."""
+    bright = 45 + 45 * np.clip((light - light.min()) / max(float(np.ptp(light)), 0.1), 0, 1)
+    return list(zip(light.tolist(), np.rint(bright).astype(int).tolist(), strict=True))
+
+
+def _css_colours(lab: DoubleArray) -> list[str]:
+    """Return CSS colours for L*a*b* (N, 3): sRGB, clipped."""
+    linear = np.linalg.solve(np.array(SRGB_TO_XYZ), lab_to_xyz(lab).T).T
+    encoded = encode_srgb(linear.astype(np.float32))
+    return ["#" + "".join(f"{round(255 * value):02x}" for value in row) for row in encoded.tolist()]

@@ -32,20 +32,14 @@ class PlaceSamples:
     variance: (N, C + 1), of a single sample about the place's shading.
     count: (N, C + 1), number of samples.
     clipped: (N,), whether a sample is at the white level.
-    where: (N, 2), row and column from the middle of the frame, in halves of its diagonal; None = in the middle.
+    where: (N, 2), row and column from the middle of the frame, in halves of its diagonal.
     """
 
     mean: DoubleArray
     variance: DoubleArray
     count: DoubleArray
     clipped: BoolArray
-    where: DoubleArray | None = None
-
-
-def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
-    """Return where pixels are, (N, 2): row and column from the middle, in halves of the diagonal of a frame of `shape`."""
-    centred = np.stack([rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2], axis=1)
-    return 2 * centred / np.hypot(shape[0] - 1, shape[1] - 1)
+    where: DoubleArray
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
@@ -74,13 +68,16 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
-    levels, planes, number = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape), len(mosaic.pattern.planes)
-    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED  # what saturates is what the sensor reads
-    moments = [_moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number) for pixels in patches]
+    levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
+    planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
+    # What saturates is what the sensor reads.
+    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED
+    moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
-    middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
     at_white = np.array([clipped[pixels].any() for pixels in patches])
-    return PlaceSamples(mean, variance, count, at_white, from_middle(middles[:, 0], middles[:, 1], mosaic.shape))
+    last = np.array(mosaic.shape) - 1
+    middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches]) - last / 2
+    return PlaceSamples(mean, variance, count, at_white, 2 * middles / np.hypot(*last))
 
 
 def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int) -> DoubleArray:
@@ -88,8 +85,11 @@ def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: 
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
-    shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
-    return np.array([_robust(values[plane == each], shading[plane == each]) for each in range(number)], np.float64).T
+    shading = np.ones(values.size)
+    if fitted[0] > 0:
+        shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0)
+    own = [plane == each for each in range(number)]
+    return np.array([_robust(values[here], shading[here]) for here in own], np.float64).T
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:
@@ -121,12 +121,9 @@ def clipped_moments(values: DoubleArray) -> tuple[float, float]:
 
     Do not use the median deviation: it is 0 or 1 for integer codes with little noise.
     """
-    kept = values
-    centre, spread = float(np.median(kept)), float(kept.std())
-    for _ in range(50):
-        inside = values[np.abs(values - centre) <= CLIP * max(spread, 1e-12)]
-        if inside.size in (0, kept.size):
-            break
-        kept = inside
-        centre, spread = float(kept.mean()), float(kept.std())
-    return centre, spread
+    from scipy.stats import sigmaclip  # scipy.stats takes a second to load
+
+    kept = sigmaclip(values, CLIP, CLIP).clipped
+    if not kept.size:  # all are equal, but for the rounding of their mean
+        kept = values
+    return float(kept.mean()), float(kept.std())

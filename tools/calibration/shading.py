@@ -21,13 +21,17 @@ from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.shading import basis
 
-from .frame_sets import check_alike, common_focal_length, mean_of_unclipped
+from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
 from .samples import robust_deviation
 
-_TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48  # periods along a side of a tile, at least, and tiles along an axis
-_POINTS, _COLOUR_POINTS = (13, 17), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
-_ROUGH, _COLOUR_ROUGH = 5.0, 0.05  # third differences of control points that are likely: large in the corners of fast lenses
-_ROUNDS = 2  # the second one sees tiles that are nearly even: their means are then those of their middles
+# Periods along a side of a tile, at least, and tiles along an axis.
+_TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
+# Control points of the panchromatic gain, and of a colour's relative to it.
+_POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
+# Third differences of control points that are likely: large in the corners of fast lenses.
+_ROUGH, _COLOUR_ROUGH = 5.0, 0.05
+# The second round sees tiles that are nearly even, whose means are those of their middles.
+_ROUNDS = 2
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
@@ -39,6 +43,8 @@ _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames bet
 _EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
 _DIGITS = 6
+Size = tuple[int, ...]
+"""Rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +111,14 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
             f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it takes {least}, "
             f"{_FEWEST_TILES * _TILE} periods of the pattern"
         )
-    focal = common_focal_length(((name, frame.metadata.focal_length) for name, frame in frames), "flat frames")
+    focal = common_focal_length(frames)
     light, parts = mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):
         tiles = _measured(light, pattern, shading)
         if not tiles.light.min() > 0:
-            raise InputError("flat frames: they are dark, at least in places; expose more, up to three quarters of full scale")
+            remedy = "expose more, up to three quarters of full scale"
+            raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
         shading, error = _refined(shading, tiles)
     check_alike(parts)
     left = _measured(light, pattern, shading)
@@ -125,9 +132,10 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
     calibration = frames[0][1].calibration
     codes = left.light.mean(axis=1) * (calibration.white_level - np.array(calibration.black_level))
     gains = shading.sketch.max(axis=(1, 2)).astype(np.float64)
+    found: Shading | None = replace(shading, residual=float(f"{residual:.2g}"))
     if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
-        return ShadingResult(None, len(parts), error, codes, gains)
-    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), len(parts), error, codes, gains)
+        found = None
+    return ShadingResult(found, len(parts), error, codes, gains)
 
 
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
@@ -145,13 +153,15 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             deviation = np.abs(values - np.median(values))
-            most = max(_OUTLIER * robust_deviation(deviation), float(deviation.std()))  # few codes have no median deviation
+            # Few codes have no median deviation.
+            most = max(_OUTLIER * robust_deviation(deviation), float(deviation.std()))
             kept = values[deviation <= most]
-            noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
             mean = float(kept.mean())
+            # Second differences do not see light that falls off.
+            error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = float(gain[window][rows, columns].mean())
-            found[:, plane, number] = *middle, undone, mean, max(noise / len(kept) ** 0.5, _FLOOR * mean)
+            found[:, plane, number] = *middle, undone, mean, error
     return _Tiles((len(cuts[0]), len(cuts[1])), *found)
 
 
@@ -160,21 +170,20 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 
     Raises InputError if that is too large.
     """
-    full, low = (
-        tuple(min(most, number // 3 + 3) for most, number in zip(points, tiles.number, strict=True))
-        for points in (_POINTS, _COLOUR_POINTS)
-    )
+    enough = np.array(tiles.number) // 3 + 3
+    full, low = (tuple(np.minimum(most, enough).tolist()) for most in (_POINTS, _COLOUR_POINTS))
     missing, errors = tiles.gain / tiles.light, tiles.error / tiles.light
     panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], errors[-1], _ROUGH)
     # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
-    places = [np.linspace(0, length - 1, 4 * number) for length, number in zip(shading.size, full, strict=True)]
+    size = shading.size
+    places = [np.linspace(0, size[axis] - 1, 4 * full[axis]) for axis in (0, 1)]
+    down, right = (basis(size[axis], full[axis], places[axis]) for axis in (0, 1))
+    of_colour, at = (basis(size[axis], low[axis], places[axis]) for axis in (0, 1))
     gains = []
     for plane in range(len(missing) - 1):
-        known = _values(panchromatic, shading.size, tiles.row[plane], tiles.column[plane])
-        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, errors[plane], _COLOUR_ROUGH)
+        target = missing[plane] / _values(panchromatic, size, tiles.row[plane], tiles.column[plane])
+        relative, own = _spline(tiles, plane, size, low, target, errors[plane], _COLOUR_ROUGH)
         error = max(error, own)
-        down, right = (basis(length, number, place) for length, number, place in zip(shading.size, full, places, strict=True))
-        of_colour, at = (basis(*each) for each in zip(shading.size, low, places, strict=True))
         gain = (down @ panchromatic @ right.T) * (of_colour @ relative @ at.T)
         gains.append(np.linalg.pinv(down) @ gain @ np.linalg.pinv(right).T)
     if not error <= _WORST:
@@ -182,22 +191,14 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
             f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % (standard error), "
             f"{100 * _WORST:.0f} % are allowed; expose more, up to three quarters of full scale, or take more"
         )
-    middle = [np.array([(length - 1) / 2]) for length in shading.size]
-    rounded = []
-    for gain in (*gains, panchromatic):
-        scaled = gain / _values(gain, shading.size, *middle)[0]
-        rounded.append([[float(f"{value:.{_DIGITS}g}") for value in row] for row in scaled.tolist()])
+    middle = [np.array([(length - 1) / 2]) for length in size]
+    scaled = [(gain / _values(gain, size, *middle)[0]).tolist() for gain in (*gains, panchromatic)]
+    rounded = [[[float(f"{each:.{_DIGITS}g}") for each in row] for row in gain] for gain in scaled]
     return replace(shading, gain=rounded), error  # type: ignore[arg-type]
 
 
 def _spline(
-    tiles: _Tiles,
-    plane: int,
-    size: tuple[int, int],
-    points: tuple[int, ...],
-    target: DoubleArray,
-    errors: DoubleArray,
-    rough: float,
+    tiles: _Tiles, plane: int, size: Size, points: Size, target: DoubleArray, errors: DoubleArray, rough: float
 ) -> tuple[DoubleArray, float]:
     """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
 
@@ -206,7 +207,8 @@ def _spline(
     """
     design = _design(size, points, tiles.row[plane], tiles.column[plane]) / target[:, None]
     down, right = (np.diff(np.eye(number), 3, axis=0) for number in points)
-    smooth = np.concatenate([np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)]) / rough
+    thirds = np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)
+    smooth = np.concatenate(thirds) / rough
     weighted = design / errors[:, None]
     inverse = np.linalg.inv(weighted.T @ weighted + smooth.T @ smooth)
     found = inverse @ (weighted.T @ (1 / errors))
@@ -214,13 +216,13 @@ def _spline(
     return found.reshape(points), float(variance.max() ** 0.5)
 
 
-def _design(size: tuple[int, int], points: tuple[int, ...], rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
+def _design(size: Size, points: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return the weights of all control points at N places, (N, points)."""
     down, right = (basis(*each) for each in zip(size, points, (rows, columns), strict=True))
     return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
 
 
-def _values(points: DoubleArray, size: tuple[int, int], rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
+def _values(points: DoubleArray, size: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return a spline's values at N places, (N,)."""
     return _design(size, points.shape, rows, columns) @ points.ravel()
 
@@ -240,20 +242,18 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     """
     size, half = shading.size, np.hypot(*shading.size) / 2
     rows, columns = tiles.row[-1], tiles.column[-1]
-    y, x = ((place - (length - 1) / 2) / half for place, length in zip((rows, columns), size, strict=True))
+    y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
     gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
 
     def around(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
         """Fit what falls off around a centre; returns the residuals and the coefficients, those of `more` last."""
         down, right = y - centre[0], x - centre[1]
         square = down**2 + right**2
-        design = np.stack([np.ones_like(x), down**2, right**2, square**2, square**3, *more], axis=1) * weight[:, None]
+        terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
+        design = np.stack(terms, axis=1) * weight[:, None]
         found, *_ = np.linalg.lstsq(design, seen * weight, rcond=None)
         residuals: DoubleArray = design @ found - seen * weight
         return residuals, found.astype(np.float64)
-
-    def missed(centre: DoubleArray) -> DoubleArray:
-        return around(centre, seen, weights[-1])[0]
 
     def tilted(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray) -> tuple[float, str, float]:
         """Return by how much one side is brighter, as a share, which side that is, and the sum of the squared residuals."""
@@ -265,6 +265,10 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
 
     seen, *weights = np.log(tiles.light / tiles.gain)[-1], *(tiles.light / tiles.error)
     tilt, side, squares = tilted(np.zeros(2), seen, weights[-1])
+
+    def missed(centre: DoubleArray) -> DoubleArray:
+        return around(centre, seen, weights[-1])[0]
+
     displaced = least_squares(missed, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
@@ -274,9 +278,11 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
             f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
         )
     tilts = {"": (0.0 if clearly else tilt, side)}
-    centres = [np.zeros(2), *([displaced.x] if away <= _CENTRE else [])]  # with little fall-off both are possible
+    # With little fall-off both centres are possible.
+    centres = [np.zeros(2), displaced.x] if away <= _CENTRE else [np.zeros(2)]
     for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
-        tilts[f" in {letter}, compared with W"] = min(tilted(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres)
+        coloured = [tilted(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
+        tilts[f" in {letter}, compared with W"] = min(coloured)
     for which, (tilt, side) in tilts.items():
         if tilt > _TILT:
             raise InputError(

@@ -9,7 +9,7 @@ camera.json.
 import argparse
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from tools.io.versions import program_version
 from .options import add, numbers, text, value
 
 if TYPE_CHECKING:
-    from tools.calibration.measure import Conclusion
+    from tools.calibration.conclude import Result
 
 USAGE = "[SHOT ...] -o FILE"
 EXAMPLE = "panchroma calibrate chart.dng --dark darks --flat flats -o camera.json --report report"
@@ -72,11 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
+    from tools.calibration.conclude import conclude
     from tools.calibration.files import KINDS, check_output, check_same, read_known, sort_files
-    from tools.calibration.measure import conclude
+    from tools.calibration.measure import measure_frames
     from tools.calibration.reference import check_order, read_reference
-    from tools.calibration.report import report
-    from tools.calibration.session import Session
+    from tools.calibration.report import write_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     lights = _lights(arguments)
@@ -91,14 +91,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
-        refuse_existing((folder / "report.html", folder / "chart.ti3"))
+        refuse_existing((folder / "report.html",))
     chart_colours = color_checker_xyz()
     if arguments.chart:
         usual, chart_colours = chart_colours, read_reference(Path(arguments.chart))
         check_order(Path(arguments.chart), chart_colours, usual)
     old = read_known(output) if arguments.update and output.exists() else None
-    session = Session(console, arguments.sensor, old)
-    seen = session.measure(files, chart_colours, corners)
+    seen = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
     if seen.base is None or seen.empty:
         console.note(*seen.remarks)
         console.error("no frame could be used, and no camera file was written")
@@ -110,16 +109,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if old is not None:
         check_same(output, old, seen.base)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    conclusion = conclude(seen, chart_colours, provenance, old)
-    if conclusion.camera:  # otherwise they are the reason
-        console.error(*conclusion.contradictions)
-    console.note(*(f"warning: {line}" for line in conclusion.warnings))
+    result = conclude(seen, provenance)
+    if result.camera:  # otherwise they are the reason
+        console.error(*result.contradictions)
+    console.note(*(f"warning: {line}" for line in result.warnings))
     if folder is not None:
-        write_durably(folder / "report.html", report(conclusion, provenance), overwrite=True)
-        for name, content in (each for part in conclusion.parts for each in part.files.items()):
-            write_durably(folder / name, content, overwrite=True)
-        console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
-    return _write(output, conclusion, old, console, replace_existing=replace_existing)
+        write_durably(folder / "report.html", write_report(result, provenance), overwrite=True)
+        console.say(f"{folder / 'report.html'}: {result.verdict}")
+    return _write(output, result, old, console, replace_existing=replace_existing)
 
 
 def color_checker_xyz() -> DoubleArray:
@@ -145,30 +142,30 @@ def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
     return shots
 
 
-def _refused(output: Path, error: str, console: Console, **facts: str) -> int:
+def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
     """Say and record why no camera file was written."""
     console.error(error)
     console.record(source=str(output), ok=False, error=error, **facts)
     return FAILED
 
 
-def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
+def _write(output: Path, result: "Result", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from tools.calibration.files import write_camera
     from tools.calibration.samples import figures
 
-    camera, verdict = conclusion.camera, conclusion.verdict
+    camera, verdict = result.camera, result.verdict
     if camera is None:
-        return _refused(output, f"{conclusion.refusal}; no camera file was written", console, verdict=verdict)
+        return _refused(output, f"{result.refusal}; no camera file was written", console, verdict=verdict, facts=result.facts)
     if (kept := write_camera(output, camera, overwrite=replace_existing)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
-        new = [part.name for part in conclusion.parts if part.facts is not None]
+        new = list(result.facts)
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     name = calibration.sensor or "unnamed sensor"
     console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")
-    warnings = [*conclusion.contradictions, *conclusion.warnings]
+    warnings = [*result.contradictions, *result.warnings]
     console.record(source=str(output), ok=True, verdict=verdict, warnings=warnings, camera=camera.to_json(), id=calibration.id)
-    return FAILED if conclusion.evidence.seen.skipped else 0
+    return FAILED if result.seen.skipped else 0

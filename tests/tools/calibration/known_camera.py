@@ -1,6 +1,6 @@
 """A camera whose truth is known, for tests: its frames, and where the built-in chart lies in them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,18 +20,16 @@ from tools.simulation.sensor import simulate_sensor
 
 NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))
 TRUTH = SensorCalibration(
-    gamma=(0.9, 1.1, 0.8),
-    noise=NOISE,
-    black_level=(256.0, 257.0, 255.0, 258.0),
-    white_level=4095,
-    sensor="bench",
+    gamma=(0.9, 1.1, 0.8), noise=NOISE, black_level=(256.0, 257.0, 255.0, 258.0), white_level=4095, sensor="bench"
 )
-BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what a shot says of itself before calibration
+# What a shot says of itself before calibration.
+BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)
 
 
 def measured(says: SensorCalibration) -> Assumed:
     """What dark and flat frames leave open."""
-    return Assumed.of(says, measured={"black_level": {"standard_error": [0.01] * (len(says.channels) + 1)}}, even=True)
+    errors = [0.01] * (len(says.channels) + 1)
+    return Assumed.of(says, measured={"black_level": {"standard_error": errors}}, even=True)
 
 
 PATTERNS = {
@@ -54,13 +52,15 @@ def frame(
 ) -> Mosaic:
     """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None = Bayer blocks of this period."""
     pattern = pattern or CfaPattern.bayer(period)
-    taken = simulate_sensor(np.asarray(rgb, np.float32), pattern, TRUTH, 1.0, np.random.default_rng(seed))
+    light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
+    taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
     return Mosaic(taken.codes, pattern, says)
 
 
 def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
     """The frame with other codes; edit: gets them as float64, a copy."""
-    return replace(mosaic, samples=np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535).astype(np.uint16))
+    codes = np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535)
+    return replace(mosaic, samples=codes.astype(np.uint16))
 
 
 def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
@@ -79,6 +79,15 @@ def save(path: Path, mosaic: Mosaic) -> Path:
     """Write the frame as a DNG with a black preview."""
     write_dng(path, mosaic, np.zeros((20, 30, 3), np.uint8))
     return path
+
+
+def cgats(values: ArrayLike, columns: str = "XYZ_X XYZ_Y XYZ_Z", names: Sequence[str] = (), header: str = "CTI3") -> str:
+    """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
+    names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
+    texts = [" ".join(f"{value:.6f}" for value in row) for row in np.asarray(values)]
+    rows = [f"{name} {text}" for name, text in zip(names, texts, strict=True)]
+    begin = f"{header}\nBEGIN_DATA_FORMAT\nSAMPLE_ID {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
+    return begin + "\n".join(rows) + "\nEND_DATA\n"
 
 
 def true_place() -> ChartPlace:

@@ -47,20 +47,13 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
-        gamma = outcome.evidence.gamma
+        gamma = outcome.seen.gamma
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
-        assert re.search(
-            r"contradict the black level that is assumed.*it seems to be 1.* codes higher; take dark frames \(`dark`\)", said
-        )
+        assert "contradict the black level that is assumed" in said
+        assert re.search(r"it seems to be 1.* codes higher; take dark frames \(`dark`\)", said)
         assert outcome.camera is not None  # gamma is honest, and dark frames may be added
-
-
-def test_dark_frames_of_another_exposure_are_contradicted_and_nothing_is_written() -> None:
-    outcome = calibrated(frames_of(SIMPLE, darks=replace(SIMPLE, black=np.full(4, 270.0))), "chart+dark")
-    assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    assert re.search("contradict the black level that the dark frames show.*take dark frames anew", outcome.refusal)
 
 
 def test_shots_of_two_cameras_are_contradicted() -> None:
@@ -68,14 +61,16 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     one.mosaics["chart1"], one.places["chart1"] = other.mosaics["chart0"], other.places["chart0"]
     outcome = calibrated(one, "charts+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    assert re.search(r"the shots contradict each other in gamma.*standard deviations: chart0 0\.90", outcome.refusal)
+    said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.90"
+    assert re.search(said, outcome.refusal)
 
 
 def test_blue_light_is_called_blue() -> None:
     outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    (shot,) = outcome.evidence.seen.shots
-    assert shot.calibration.black_level == outcome.camera.calibration.black_level  # that of the dark frames
+    (shot,) = outcome.seen.shots
+    # That of the dark frames.
+    assert shot.calibration.black_level == outcome.camera.calibration.black_level
     said = " ".join(outcome.warnings)
-    assert re.search("the light is strongly coloured: on grey R reads 5 % of what B does.*take white light", said)
+    assert re.search("strongly coloured: on grey R reads 5 % of what B does.*white light", said)
     assert not re.search("uneven|black level", said)
     assert not outcome.contradictions

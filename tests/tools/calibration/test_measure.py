@@ -1,6 +1,5 @@
-"""From observations to a camera: what is measured replaces what was known, and what was not measured stays."""
+"""From measurements to a camera: what is measured replaces what was known, and what was not measured stays."""
 
-import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -12,10 +11,10 @@ from shared import Camera, CfaPattern, Mosaic
 from shared.errors import InputError
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
+from tools.calibration.conclude import conclude
 from tools.calibration.dark_frames import DarkResult
-from tools.calibration.measure import conclude
+from tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
 from tools.calibration.noise import FlatResult
-from tools.calibration.observations import Observations, ShotMeasurement, measure_chart
 from tools.calibration.samples import PlaceSamples
 from tools.calibration.shading import ShadingResult
 from tools.simulation.sensor import simulate_sensor
@@ -26,7 +25,8 @@ BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green a
 DARKER = darker_corners(SHAPE)
 DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
 LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
-FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool)), ())
+NUMBER, CLIPPED, WHERE = np.full(LINE.shape, 1e5), np.zeros(3, bool), np.zeros((3, 2))
+FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, NUMBER, CLIPPED, WHERE), ())
 
 
 def on_chart(taken: Mosaic) -> ShotMeasurement:
@@ -44,8 +44,8 @@ def base_of(**says: Any) -> Mosaic:
 
 
 def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **seen: Any) -> Camera:
-    """The camera of these observations, on frames whose calibration says this."""
-    outcome = conclude(Observations(base_of(**(says or {})), **seen), REFERENCE, old=old)
+    """The camera of these measurements, on frames whose calibration says this."""
+    outcome = conclude(Measurements(REFERENCE, base_of(**(says or {})), old, **seen))
     assert outcome.camera is not None, outcome.refusal
     return outcome.camera
 
@@ -57,7 +57,8 @@ def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
         ratio = new.calibration.full_scale / known.full_scale
         assert abs(ratio - 1) > 0.05
         for name in ("shot", "read"):
-            np.testing.assert_allclose(getattr(new.calibration.noise, name), ratio * np.array(getattr(NOISE, name)))
+            expected = ratio * np.array(getattr(NOISE, name))
+            np.testing.assert_allclose(getattr(new.calibration.noise, name), expected)
 
 
 def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all() -> None:
@@ -66,6 +67,15 @@ def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all()
     assert concluded(old, dark=hot).calibration.defects == ((1, 2), (5, 7))
     assert concluded(old, flats=dead).calibration.defects == ((3, 4), (5, 7))
     assert concluded(old, flats=dead, dark=hot).calibration.defects == ((1, 2), (3, 4))
+
+
+def test_parts_that_were_measured_with_a_black_level_far_off_are_named() -> None:
+    known = {"gamma": {}, "colour": {}, "black_level": {"standard_error": [0.01] * 4}}
+    for black, count in ((256.0, 0), (262.0, 1)):
+        old = Camera(replace(BLIND, black_level=(black,) * 4), PATTERN, known)
+        warnings = conclude(Measurements(REFERENCE, base_of(), old, DARK)).warnings
+        said = "the black level is 6.0 codes off the one with which gamma, colour"
+        assert sum(said in line for line in warnings) == count
 
 
 def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
@@ -79,9 +89,10 @@ def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
 @pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
     other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
-    outcome = conclude(Observations(base_of(), DARK, FLAT, [shot()]), other)
+    outcome = conclude(Measurements(other, base_of(), dark=DARK, flats=FLAT, shots=[shot()]))
     assert outcome.verdict == verdict
-    assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
+    said = " ".join((*outcome.contradictions, *outcome.warnings))
+    assert "colours differ from the reference by a mean dE2000" in said
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -90,9 +101,11 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
     """Even where correcting the colours for it works."""
     slope = np.linspace(1, 1 / brighter, chart().shape[axis])
     taken = frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))
-    outcome = conclude(Observations(base_of(), DARK, FLAT, [on_chart(taken)]), REFERENCE)
+    shots = [on_chart(taken)]
+    outcome = conclude(Measurements(REFERENCE, base_of(), dark=DARK, flats=FLAT, shots=shots))
     assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
-    assert any("the light on the chart is uneven" in line for line in outcome.warnings) == (brighter > 1)
+    told = any("the light on the chart is uneven" in line for line in outcome.warnings)
+    assert told == (brighter > 1)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +118,9 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
 def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
-    taken = replace(simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says)
-    np.testing.assert_allclose(on_chart(taken).fits[0].gamma, TRUTH.gamma, rtol=0.02)
-    with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
+    taken = simulate_sensor(light, right, true, 1.0, np.random.default_rng(0))
+    taken = replace(taken, calibration=says)
+    np.testing.assert_allclose(on_chart(taken).fit.gamma, TRUTH.gamma, rtol=0.02)
+    said = f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"
+    with pytest.raises(InputError, match=said):
         on_chart(replace(taken, pattern=wrong))

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic, read_camera, read_dng
+from shared import Camera, read_camera, read_dng
 from shared.colorimetry import D50
 from shared.errors import InputError
-from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place
+from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, cgats, chart, frame, save, true_place
 from tests.tools.command import repeated, run
 from tools.calibration.files import write_camera
-from tools.calibration.reference import check_order, read_reference, ti3
+from tools.calibration.reference import check_order, read_reference
 from tools.commands.calibrate import color_checker_xyz
-from tools.io.colour import lab_to_xyz, xyz_to_lab
+from tools.io.colour import xyz_to_lab
 from tools.simulation.sensor import typical_noise
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
@@ -26,13 +26,14 @@ CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 STEPS: dict[str, list[Any]] = {
     "chart": ["chart.dng", "--corners", *CORNERS],
     "dark": repeated("--dark", ("dark0.dng", "dark1.dng")),
-    "flat": repeated("--flat", [f"flat{light}{number}.dng" for light in (1, 5, 8) for number in range(2)]),
+    "flat": repeated("--flat", [f"flat{number}.dng" for number in (10, 11, 50, 51, 80, 81)]),
 }
 
 
 def calibrated(folder: Path, output: Path, *steps: str) -> dict[str, Any]:
     """The last record of `calibrate --update` with the frames of these steps."""
-    words = [word if word.startswith("-") or "," in word else str(folder / word) for step in steps for word in STEPS[step]]
+    every = [word for step in steps for word in STEPS[step]]
+    words = [str(folder / word) if word.endswith(".dng") else word for word in every]
     return run("calibrate", *words, "-o", output, "--update", "--json", code=0).records[-1]
 
 
@@ -62,10 +63,9 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert [record["ok"] for record in outcome.records] == [True] * 10
     assert outcome.records[-1]["id"] == camera.calibration.id
     page = (tmp_path / "report.html").read_text("utf-8")
-    counted = {"Use it": 1, "<svg": 2, "<img": 1, 'class="patch"': 24}
+    counted = {"Use it": 1, "<img": 3, 'class="patch"': 24}
     assert {words: page.count(words) for words in counted} == counted
     assert not re.search(r'(?:src|href)="(?!data:)', page), "the page loads something"
-    np.testing.assert_allclose(read_reference(tmp_path / "chart.ti3"), color_checker_xyz(), atol=1e-6)
     text = output.read_bytes()
     run("calibrate", folder, "-o", output, code=2)
     run("calibrate", folder, "-o", output, "--overwrite", code=0)
@@ -73,36 +73,33 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
 
 
 def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_path: Path) -> None:
-    output, dark, chart_shot = tmp_path / "camera.json", folder / "dark0.dng", folder / "chart.dng"
-    for words in (
-        ("--dark", dark, chart_shot),
-        (chart_shot, "--dark", dark),
-        ("--flat", folder / "flat10.dng", "--dark", dark, chart_shot),
-    ):
-        records = run("calibrate", *words, "-o", output, "--overwrite", "--json").records
-        kinds = {Path(record["source"]).name: record.get("kind") for record in records}
-        assert (kinds["dark0.dng"], kinds["chart.dng"]) == ("dark", "shot")
-    outcome = run("calibrate", "--dark", dark, folder / "dark1.dng", "-o", output, "--overwrite", code=1)
-    assert "dark1.dng: no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by --dark" in outcome.err
+    words = ("--dark", folder / "dark0.dng", folder / "dark1.dng", folder / "chart.dng")
+    outcome = run("calibrate", *words, "-o", tmp_path / "camera.json", "--json", code=1)
+    kinds = {Path(each["source"]).name: each.get("kind") for each in outcome.records}
+    assert (kinds["dark0.dng"], kinds["chart.dng"]) == ("dark", "shot")
+    said = "it is dark; a dark frame, or a folder of them, is given by --dark"
+    assert f"dark1.dng: no ColorChecker was found: {said}" in outcome.err
 
 
-def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Path, tmp_path: Path) -> None:
+def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
     first = calibrated(folder, output, "chart")
     assert first["verdict"] == "use it with care"
-    assert "noise was not measured; take pairs of flat frames (--flat), and dark frames (--dark)" in first["warnings"]
+    assert any("noise was not measured" in line for line in first["warnings"])
     before, text = read_camera(output), output.read_text()
-    outcome = run("calibrate", *repeated("--dark", folder.glob("dark*")), "-o", output, "--update", code=0)
+    darks = repeated("--dark", folder.glob("dark*"))
+    outcome = run("calibrate", *darks, "-o", output, "--update", code=0)
     after = read_camera(output)
     replaced = {part: getattr(after.calibration, part) for part in ("black_level", "defects")}
     assert after.calibration == replace(before.calibration, **replaced, camera=after.calibration.id)
-    assert {part: how for part, how in after.measured.items() if part not in replaced} == before.measured
+    kept = {part: how for part, how in after.measured.items() if part not in replaced}
+    assert kept == before.measured
     assert (tmp_path / "camera.json.bak").read_text() == text
     assert "measured now: black_level, defects; kept as it was: gamma, colour" in outcome.out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
 
 
-def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(folder: Path, tmp_path: Path) -> None:
+def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) -> None:
     halves, output = np.full((60, 90, 3), 0.2), tmp_path / "camera.json"
     halves[:, 45:] = 0.5
     grey = save(tmp_path / "grey.dng", frame(halves))
@@ -111,7 +108,7 @@ def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good
     said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
-        (repeated("--dark", (dark, copy)), "copy.dng and .* have the same noise"),
+        ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),
     ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()
@@ -124,7 +121,7 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     outcome = run("calibrate", other, *darks, "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["ok"], output.exists()) == (1, False, False)
     assert "period 8" in outcome.err
-    assert "gamma is not known, for no chart could be used, and no camera file was written" in outcome.err
+    assert "gamma is not known, for no chart could be used, and no camera file" in outcome.err
     record = calibrated(folder, output, "dark")
     assert record["verdict"] == "use it with care"
     assert any("gamma was not measured" in warning for warning in record["warnings"])
@@ -147,7 +144,7 @@ def camera(measured: dict[str, Any], **changes: Any) -> Camera:
     [
         (camera(GAMMA), replace(BLIND, sensor="other"), r"camera.json: .*'other'.*'bench'"),
         (camera(GAMMA), replace(BLIND, white_level=4000), "white level 4000, the camera file 4095"),
-        *((camera({"black_level": {"standard_error": wrong}}), BLIND, ERROR) for wrong in (7, [True] * 4, [1.0] * 3)),
+        (camera({"black_level": {"standard_error": [1.0] * 3}}), BLIND, ERROR),
     ],
 )
 def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: Any, words: str, tmp_path: Path) -> None:
@@ -159,29 +156,13 @@ def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: 
     assert path.read_text() == text
 
 
-def test_parts_that_a_wrong_black_level_made_wrong_are_named(folder: Path, tmp_path: Path) -> None:
-    """The shots state a black level that is 5 to 8 codes off: of the same frames in one command the camera is as it should be."""
-    loose = replace(BLIND, black_level=(250.0,) * 4)
-    for name in (word for words in STEPS.values() for word in words if word.endswith(".dng")):
-        save(tmp_path / name, Mosaic(read_dng(folder / name).codes, CfaPattern.bayer(), loose))
-    path = tmp_path / "camera.json"
-    calibrated(tmp_path, path, "chart")
-    wrong = calibrated(tmp_path, path, "dark")
-    assert wrong["verdict"] == "use it with care"
-    assert re.match(r"the black level is [78]\.\d codes off the one with which gamma, colour", wrong["warnings"][-1])
-    whole = calibrated(tmp_path, path, *STEPS)
-    assert (whole["verdict"], whole["warnings"]) == ("use it", [])
-    again = calibrated(tmp_path, path, "dark")
-    assert (again["verdict"], again["camera"]["gamma"]) == ("use it", whole["camera"]["gamma"])
-
-
 def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
     for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         to = tmp_path / f"{kind}{light}-{seed}"
-        lit = [] if light == 1 else ["--light", str(light)]
-        run("simulate", f"{kind}:720x480", "-o", to, "--light", "1", "--seed", str(seed), *lit, code=0)
+        words = ["--light", str(light), "--seed", str(seed)]
+        run("simulate", f"{kind}:720x480", "-o", to, *words, code=0)
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
     others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]
@@ -196,7 +177,8 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
 
 def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
-    known = camera(GAMMA, camera_to_xyz=((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0)), defects=((1, 2), (3, 4)))
+    matrix = ((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0))
+    known = camera(GAMMA, camera_to_xyz=matrix, defects=((1, 2), (3, 4)))
     write_camera(path, known)
     assert read_camera(path) == known
     lines = path.read_text().splitlines()
@@ -205,19 +187,9 @@ def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) 
 
 
 REFERENCE = color_checker_xyz()
-BY_COLUMN = [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
+NAMES = [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
 BY_ROW = [f"{'ABCD'[index // 6]}{index % 6 + 1}" for index in range(24)]
-PATCH_NAMES = [f'"patch, {index}"' for index in range(24)]
 XYZ, LAB = "XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"
-
-
-def cgats(
-    values: np.ndarray, columns: str = XYZ, names: list[str] = BY_COLUMN, header: str = "CTI3", label: str = "SAMPLE_ID"
-) -> str:
-    """A CGATS file."""
-    rows = [" ".join([name, *(f"{value:.6f}" for value in row)]) for name, row in zip(names, values, strict=True)]
-    begin = f"{header}\nBEGIN_DATA_FORMAT\n{label} {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
-    return begin + "\n".join(rows) + "\nEND_DATA\n"
 
 
 def exchanged(one: int, other: int) -> np.ndarray:
@@ -238,11 +210,9 @@ READ = {
     "0 to 1": cgats(REFERENCE),
     "0 to 100": cgats(100 * REFERENCE),
     "Lab": cgats(xyz_to_lab(REFERENCE), LAB),
-    "any order": cgats(REFERENCE[TURNED], names=[BY_COLUMN[index] for index in TURNED]),
+    "any order": cgats(REFERENCE[TURNED], names=[NAMES[index] for index in TURNED]),
     "rows named by letters": cgats(REFERENCE[TURNED], names=[BY_ROW[index] for index in TURNED]),
     "numbered": cgats(REFERENCE[TURNED], names=[str(index + 1) for index in TURNED]),
-    "words beside numbers": cgats(REFERENCE, names=[f"{name} {index + 1}" for index, name in enumerate(PATCH_NAMES)],
-                                  label="SAMPLE_NAME SAMPLE_ID"),
     "D50": cgats(REFERENCE, header='MEASUREMENT_SOURCE "Illumination=D50 ObserverAngle=2"'),
 }  # fmt: skip
 
@@ -252,52 +222,25 @@ def test_a_reference_is_read_in_every_form(form: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path / "chart.cie", READ[form]), REFERENCE, atol=2e-6)
 
 
-def test_another_chart_of_the_kind_and_one_of_other_colours_are_read(tmp_path: Path) -> None:
-    random = np.random.default_rng(1)
-    faded = lab_to_xyz(xyz_to_lab(REFERENCE) * 0.97 + random.normal(0, 1, (24, 3)))
-    np.testing.assert_allclose(read(tmp_path / "own.cie", cgats(100 * faded)), faded, atol=2e-6)
-    other = np.concatenate([random.uniform((25, -40, -40), (90, 40, 40), (18, 3)), xyz_to_lab(REFERENCE[18:])])
-    np.testing.assert_allclose(read(tmp_path / "other.cie", cgats(other, LAB)), lab_to_xyz(other), atol=2e-6)
-
-
+SHIFT = np.array([0, 128, 128])
 TO_D65 = np.array([0.95047, 1, 1.08883]) / D50
 WRONG = {
     "no table": ("CTI3", "is not a CGATS file"),
-    "a patch twice": (cgats(REFERENCE).replace("A1 ", "A2 "), "once"),
     "no colours": (cgats(REFERENCE, "ABC_X ABC_Y ABC_Z"), "has neither XYZ_X"),
-    "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into XYZ"),
-    "a patch missing": (cgats(REFERENCE[:23], names=BY_COLUMN[:23]), "23 patches with XYZ_X, XYZ_Y, XYZ_Z, expected 24"),
+    "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into"),
+    "a patch missing": (cgats(REFERENCE[:23], names=NAMES[:23]), "23 patches .*, expected 24"),
     "decimal commas": (re.sub(r"(\d)\.(\d)", r"\1,\2", cgats(REFERENCE)), "decimal points"),
-    "commas between values": (
-        re.sub(r"(\d) (\d)", r"\1,\2", cgats(REFERENCE)),
-        "has a comma; CGATS has decimal points",
-    ),
-    "0 to 255": (cgats(255 * REFERENCE), "has XYZ_Y 224.* expected about 0.9"),
     "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
-    "lightness of 0 to 1": (cgats(xyz_to_lab(REFERENCE) / 100, LAB), "the grey row"),
-    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) * [2.55, 1, 1] + [0, 128, 128], LAB), "lies beyond"),
-    "not a number": (re.sub("A1 [^ ]*", "A1 nan", cgats(REFERENCE)), "not a finite number"),
+    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) + SHIFT, LAB), "lies beyond"),
     "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
-    "said to be for D65": (cgats(REFERENCE, header='WEIGHTING_FUNCTION "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
-    "for 10 degrees": (
-        cgats(REFERENCE, header='MEASUREMENT_SOURCE "ObserverAngle=10"'),
-        "have to be for 2 degrees",
-    ),
+    "says D65": (cgats(REFERENCE, header='W "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
     "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "six pairs": (cgats(REFERENCE[[*range(6, 18), *range(6), *range(18, 24)]]), "the colour of A1 .dark skin. is that of A2"),
-    "one pair": (cgats(100 * exchanged(7, 12)), "the colour of B2 .purplish blue. is that of A3 .blue.* and 2 patches"),
+    "one pair": (cgats(100 * exchanged(7, 12)), "colour of B2 .* is that of A3 .* and 2 patches"),
 }
 
 
 @pytest.mark.parametrize("fault", WRONG)
-def test_a_reference_that_is_not_what_it_has_to_be_is_refused_by_name(fault: str, tmp_path: Path) -> None:
+def test_a_wrong_reference_is_refused_by_name(fault: str, tmp_path: Path) -> None:
     text, words = WRONG[fault]
     with pytest.raises(InputError, match=f"chart.cie: .*(?:{words})"):
         read(tmp_path / "chart.cie", text)
-
-
-def test_ti3_keeps_device_values_in_the_range_that_argyll_takes() -> None:
-    camera = np.linspace(-0.01, 1.25, 72).reshape(24, 3)
-    rows = ti3(color_checker_xyz(), camera).split("BEGIN_DATA\n")[1].split("\nEND_DATA")[0].splitlines()
-    device = np.array([[float(word) for word in row.split()[4:]] for row in rows])
-    np.testing.assert_allclose(device, 80 * np.maximum(camera, 0), atol=1e-5)

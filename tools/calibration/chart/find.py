@@ -1,36 +1,37 @@
-"""Find the ColorChecker in a shot: propose places, and decide of each by its luminances, colours and grey row.
-
-A place is refined by moving its corners until its patches are uniform and its gaps dark.
-"""
+"""Find the ColorChecker in a shot: OpenCV proposes places, which are refined and then judged by colours and grey row."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
 from shared import Mosaic
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.colorimetry import Matrix, as_rows
 from shared.errors import InputError
-from shared.progress import SILENT, Progress
+from tools.simulation.perspective import apply_homography, homography, rectangle
 
 from ..colour_matrix import fit_colour, grey_row_fault
-from .lattice import lattice_corners
-from .picture import linear_picture
-from .place import COLUMNS, ROWS, ChartPlace, least_pitch
+from .picture import linear_picture, shown_picture
+from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
 
-_SIZES = (500, 900, 1500, 2500)  # longer sides of the pictures that are searched, the likeliest first
-_LARGEST_DIFFERENCE = 8.0  # mean dE2000 after the fit: real charts stay below 5, brick walls above 15
-_WORTH_REFINING = 16.0  # mean dE2000 before refinement: of charts below 5, of walls and boxes above 20; refining takes a second
-_DOUBTFUL = 30.0  # mean dE2000 above which a refused place is not worth mentioning
-_ENOUGH = 4.5  # mean dE2000 of a chart good enough to end the search
-_ALIKE = 0.5  # correlation of log luminances; a chart half in the shade still has 0.8
-_SAME = 0.3  # of a patch: places whose corners are nearer than that are refined to the same one
+# Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve, quantile of the levels that is
+# shown as white; `adaptiveThreshConstant` and `B0factor` of cv2.mcc. The last two find charts of 15 to 20 pixels per patch.
+_SEARCHES = (
+    (1000, 2.2, 0.99, 7, 1.25),
+    (1600, 3.2, 0.95, 7, 1.25),
+    (600, 2.2, 0.99, 7, 1.25),
+    (2500, 3.2, 0.95, 3, 1.6),
+    (3600, 3.2, 0.95, 3, 1.6),
+)
+# Of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart.
+_BOX = 0.25 / 2.75 / 2
+# Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement too; walls are above 15.
+_LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
-_MOST = 3  # places of a picture that are refined, which takes a second each
 _PROBE = 5  # points across a patch
 _BESIDE = 0.045  # of a cell, from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the whole patch
@@ -40,9 +41,14 @@ _EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the wh
 class FoundChart:
     """A chart in a frame, or a place that shows none.
 
-    place: where it lies.
-    difference: mean dE2000 to the reference after fitting a matrix and the light; inf = no colours could be fitted.
-    fault: why it is no chart; "" = it is one.
+    Attributes
+    ----------
+    place
+        Where it lies.
+    difference
+        Mean dE2000 to the reference after fitting a matrix and the light; inf if no colours could be fitted.
+    fault
+        Why it is no chart; "" if it is one.
     """
 
     place: ChartPlace
@@ -50,36 +56,38 @@ class FoundChart:
     fault: str = ""
 
 
-def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILENT) -> FoundChart:
+def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
     """Find the ColorChecker Classic in a shot.
 
-    mosaic: the shot.
-    reference: (24, 3), XYZ (D50), white = 1.
-    progress: receives the searches.
+    A place is accepted if its corners lie inside the frame, its grey row is monotone and linear, and a matrix explains
+    its colours.
 
-    Places come from `lattice_corners`, at several scales, until one is accepted: its corners lie inside the frame, its grey row is
-    monotone and linear, and a matrix explains its colours. Raises InputError with the reason if none is accepted, or if the chart
-    is too small for the pattern's period.
+    Parameters
+    ----------
+    mosaic
+        The shot.
+    reference
+        XYZ (D50) of the patches, white = 1, (24, 3).
+
+    Raises
+    ------
+    InputError
+        With the reason: no place was accepted, or the chart is too small for the pattern's period.
     """
-    picture = linear_picture(mosaic)
-    sizes = [size for smaller, size in pairwise((0, *_SIZES)) if smaller < max(mosaic.shape)]
-    progress.stage("looking for the chart", len(sizes))
-    judged: dict[ChartPlace, FoundChart] = {}
-    for size in sizes:
-        for place in _likeliest(picture, reference, size):
-            if any(found.fault and _near(place, before) for before, found in judged.items()):
+    picture, period = linear_picture(mosaic), mosaic.pattern.period
+    why = ""
+    for size, exponent, white, threshold, factor in _SEARCHES:
+        for place in _proposed(shown_picture(picture, exponent, white), size, threshold, factor):
+            turned = ChartPlace(as_rows(np.roll(place.corners, 2, axis=0)))
+            differences = [_difference(picture, each, reference) for each in (place, turned)]
+            if min(differences) > _WORTH_REFINING:
                 continue
-            judged[place] = _examined(picture, refined(picture, place), reference)
-            if not judged[place].fault and judged[place].difference < _ENOUGH:
-                break
-        progress.advance()
-        if charts := [found for found in judged.values() if not found.fault]:
-            best = min(charts, key=lambda found: found.difference)
-            _check_size(best.place, mosaic)
-            return best
-    likeliest = min(judged.values(), key=lambda found: found.difference, default=None)
-    why = f"; the likeliest place was refused: {likeliest.fault}" if likeliest and likeliest.difference < _DOUBTFUL else ""
-    period = mosaic.pattern.period
+            upright = place if differences[0] <= differences[1] else turned
+            found = _judged(picture, refined(picture, upright), reference)
+            if not found.fault:
+                _check_size(found.place, mosaic)
+                return found
+            why = f"; the likeliest place was refused: {found.fault}"
     raise InputError(
         f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least {least_pitch(period)} pixels "
         f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
@@ -92,7 +100,7 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
     if not place.lies_in(mosaic.shape):
         raise InputError(f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels")
     _check_size(place, mosaic)
-    found = _examined(linear_picture(mosaic), place, reference)
+    found = _judged(linear_picture(mosaic), place, reference)
     if found.fault:
         raise InputError(f"at the corners {place} there is no ColorChecker: {found.fault}")
     return found
@@ -103,47 +111,40 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
     needed = least_pitch(mosaic.pattern.period)
     if place.pitch < needed:
         raise InputError(
-            f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period {mosaic.pattern.period} needs "
-            f"{needed}; go nearer, so that the chart is at least {needed * COLUMNS} pixels wide"
+            f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period {mosaic.pattern.period} "
+            f"needs {needed}; go nearer, so that the chart is at least {needed * COLUMNS} pixels wide"
         )
 
 
-def _likeliest(picture: FloatArray, reference: DoubleArray, size: int) -> list[ChartPlace]:
-    """Return the `_MOST` places whose colours are most like a chart's, the likeliest first; size: see `lattice_corners`.
+def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> Iterator[ChartPlace]:
+    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side; see `_SEARCHES`."""
+    import cv2
 
-    A wall of tiles has hundreds that are roughly alike.
-    """
-    places: list[ChartPlace] = []
-    for _, place in sorted(_plausible(picture, reference, size), key=lambda pair: pair[0]):
-        if len(places) < _MOST and not any(_near(place, before) for before in places):
-            places.append(place)
-    return places
-
-
-def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterator[tuple[float, ChartPlace]]:
-    """Yield places whose luminances and colours are roughly a chart's, either way up, with their mean dE2000."""
-    wanted = np.log(reference[:, 1])
-    for corners in lattice_corners(picture, size):
-        slack = float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).min()) / (2 * ROWS)  # refinement may bring them in
+    scale = size / max(shown.shape[:2])
+    method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    small = cv2.resize(shown[..., ::-1], None, fx=scale, fy=scale, interpolation=method)  # BGR
+    detector = cv2.mcc.CCheckerDetector.create()
+    detector.setColorChartType(cv2.mcc.MCC24)
+    settings = cv2.mcc.DetectorParametersMCC()
+    settings.adaptiveThreshConstant, settings.B0factor = threshold, factor
+    detector.setDetectionParams(settings)
+    try:
+        found = detector.process(small, nc=2)
+    except cv2.error:  # an assertion of OpenCV 5.0 fails on some walls of bricks
+        return
+    if not found:  # asking it for a chart would end the process
+        return
+    edge = (1 - PATCH) / 2
+    box, patches = (rectangle(-off, -off, COLUMNS + off, ROWS + off) for off in (_BOX, -edge))
+    for checker in detector.getListColorChecker():
+        to_frame = homography(box, np.array(checker.getBox(), float) / scale)
         try:
-            place = ChartPlace(as_rows(corners))
-        except InputError:  # a window whose perspective is extrapolated may turn inside out
+            yield ChartPlace(as_rows(np.stack(apply_homography(to_frame, *patches.T), axis=1)))
+        except InputError:  # not a convex quadrilateral
             continue
-        if not place.lies_in(picture.shape[:2], slack):
-            continue
-        luminance = np.log(np.maximum(patch_means(picture, place)[0].sum(axis=1), 1e-4))
-        for turned, seen in ((corners, luminance), (np.roll(corners, 2, axis=0), luminance[::-1])):
-            if seen.std() > 0 and np.corrcoef(seen, wanted)[0, 1] > _ALIKE:
-                place = ChartPlace(as_rows(turned))
-                if (difference := _difference(picture, place, reference)) <= _WORTH_REFINING:
-                    yield difference, place
 
 
-def _near(place: ChartPlace, other: ChartPlace) -> bool:
-    return bool(np.hypot(*(np.array(place.corners) - np.array(other.corners)).T).max() < _SAME * place.pitch)
-
-
-def _examined(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
+def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
     """Return what a place in a picture (H, W, C), linear, shows."""
     difference, fault = _difference(picture, place, reference), ""
     means, roughness = patch_means(picture, place)
@@ -162,7 +163,8 @@ def _examined(picture: FloatArray, place: ChartPlace, reference: DoubleArray) ->
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
     """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
     try:
-        mean = float(fit_colour(patch_means(picture, place)[0], reference, place.cells).difference.mean())
+        means, _ = patch_means(picture, place)
+        mean = float(fit_colour(means, reference, place.cells).difference.mean())
     except (InputError, np.linalg.LinAlgError):
         return float("inf")
     return mean if np.isfinite(mean) else float("inf")
@@ -171,12 +173,14 @@ def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) 
 def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     """Return the place with its corners moved so that patches are uniform inside and the gaps as dark as possible.
 
-    picture: (H, W, C), linear.
+    Corners that cv2.mcc proposes are off by up to a third of a patch. picture: (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
-    root = np.sqrt(np.maximum(luminance, 0))  # once: in every step it would cost a hundred times all else in a large frame
+    # Once: in every step it would cost a hundred times all else in a large frame.
+    root = np.sqrt(np.maximum(luminance, 0))
     best, scale = np.array(place.corners), place.pitch
-    for reach in (0.12, 0.04):  # The second search has a new simplex: in eight dimensions the first may collapse too early.
+    # The second search has a new simplex: in eight dimensions the first may collapse too early.
+    for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         found = minimize(
             _misfit,
@@ -204,35 +208,28 @@ def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tu
 
 
 def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float) -> float:
-    """Return a measure of how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
+    """Return how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
 
-    root: see `_gap_brightness`.
+    root: square root of luminance. With luminance itself only the bright patches would fix the grid, and the corner at
+    black would be loose.
     """
     try:
         place = ChartPlace(as_rows(corners + moved.reshape(4, 2) * scale))
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    return float(np.minimum(rough, 0.5).mean()) + _gap_brightness(root, place)
+    gaps, patches = (_at(root, *place.at(*each.T)).mean() for each in (_GAPS, place.cells))
+    return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
 
 
-def _gap_brightness(root: FloatArray, place: ChartPlace) -> float:
-    """Return the mean in the gaps, in the middle and near both sides of each, over the mean of the patches.
+def _gap_points(lines: int, length: int) -> DoubleArray:
+    """Return points in cells (N, 2), across and along gaps: in the middle and near both sides of each."""
+    across = np.arange(lines + 1)[:, None] + [-_BESIDE, 0.0, _BESIDE]
+    along = np.arange(length)[:, None] + [0.2, 0.4, 0.6, 0.8]
+    return np.array(list(product(across.ravel(), along.ravel())))
 
-    root: square root of luminance. With luminance itself only the bright patches would fix the grid, and the corner at black would
-    be loose.
-    """
-    along = np.array([-0.3, -0.1, 0.1, 0.3])
-    beside = np.array([-_BESIDE, 0.0, _BESIDE])
-    points = []
-    for lines, length, flip in ((COLUMNS, ROWS, False), (ROWS, COLUMNS, True)):
-        across = (np.arange(lines + 1)[:, None] + beside).ravel()
-        down = (np.arange(length)[:, None] + 0.5 + along).ravel()
-        u, v = (grid.ravel() for grid in np.meshgrid(across, down))
-        points.append((v, u) if flip else (u, v))
-    u, v = (np.concatenate(parts) for parts in zip(*points, strict=True))
-    gaps, patches = (float(_at(root, *place.at(*places)).mean()) for places in ((u, v), place.cells.T))
-    return gaps / max(patches, 1e-6)
+
+_GAPS = np.concatenate([_gap_points(COLUMNS, ROWS), _gap_points(ROWS, COLUMNS)[:, ::-1]])
 
 
 def _at(plane: FloatArray, x: DoubleArray, y: DoubleArray) -> FloatArray:

@@ -10,7 +10,7 @@ from ..samples import levels_of
 from .place import INNER, PATCH, ChartPlace
 
 _REACH = 2  # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is farther from one
-_SHOWN = 99.0  # percentile of a channel that is shown as white
+_SHOWN = 0.99  # quantile of a channel that is shown as white
 
 
 def linear_picture(mosaic: Mosaic) -> FloatArray:
@@ -36,25 +36,35 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
         for size, origins, block in zip(mosaic.shape, (rows, columns), grid.block_shape, strict=True)
     )
     places = np.meshgrid(down, across, indexing="ij")
-    chromaticity = np.stack([map_coordinates(plane, places, order=1, mode="nearest") for plane in np.moveaxis(ratios, -1, 0)], -1)
+    planes = np.moveaxis(ratios, -1, 0)
+    filled = [map_coordinates(plane, places, order=1, mode="nearest") for plane in planes]
+    chromaticity = np.stack(filled, axis=-1)
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
-def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
-    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3).
+def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SHOWN) -> ByteArray:
+    """Return a linear picture (H, W, C) as uint8 RGB (H, W, 3), each channel stretched by itself.
 
-    The first, middle and last channel are shown as red, green and blue, each stretched by itself, with a square-root curve.
+    The first, middle and last channel are shown as red, green and blue.
+
+    exponent: of the tone curve.
+    white: quantile of a channel that is shown as white.
     """
+    chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
+    bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
+    share = np.clip(chosen / np.maximum(bright, 1e-6), 0, 1)
+    return (255 * share ** (1 / exponent)).astype(np.uint8)
+
+
+def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
+    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3)."""
     from PIL import Image, ImageDraw
 
-    picture = linear_picture(mosaic)
-    chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
-    bright = np.percentile(chosen[::4, ::4].reshape(-1, 3), _SHOWN, axis=0)
-    image = Image.fromarray((255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8))
+    image = Image.fromarray(shown_picture(linear_picture(mosaic)))
     draw, width = ImageDraw.Draw(image), max(1, round(place.pitch / 40))
-    outlines = ((place.patch_corners(PATCH), "white"), (place.patch_corners(INNER), "magenta"), (np.array([place.corners]), "cyan"))
-    for quads, colour in outlines:
-        for quad in quads:
+    quads = (place.patch_corners(PATCH), place.patch_corners(INNER), np.array([place.corners]))
+    for each, colour in zip(quads, ("white", "magenta", "cyan"), strict=True):
+        for quad in each:
             draw.polygon(quad.ravel().tolist(), outline=colour, width=width)
     return np.asarray(image)
 

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
+from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from tools.simulation.perspective import apply_homography, homography, rectangle
@@ -15,9 +15,9 @@ from ..samples import Pixels
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
 PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
-_CARD = 0.2  # of a cell: width of the card around the cells
 INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
-LEAST_PERIODS = 2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
+# Measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3.
+LEAST_PERIODS = 2.5
 NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
     "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
@@ -58,7 +58,8 @@ class ChartPlace:
     @cached_property
     def _to_frame(self) -> DoubleArray:
         edge = (1 - PATCH) / 2
-        return homography(rectangle(edge, edge, COLUMNS - edge, ROWS - edge), np.array(self.corners, float))
+        patches = rectangle(edge, edge, COLUMNS - edge, ROWS - edge)
+        return homography(patches, np.array(self.corners, float))
 
     def __str__(self) -> str:
         return " ".join(f"{x:.0f},{y:.0f}" for x, y in self.corners)
@@ -67,9 +68,9 @@ class ChartPlace:
         """Return the positions (x, y) in pixels of points in cells."""
         return apply_homography(self._to_frame, u, v)
 
-    def lies_in(self, shape: tuple[int, ...], slack: float = 0.0) -> bool:
-        """Return whether all corners are inside a frame (rows, columns), or at most `slack` pixels outside."""
-        return all(-slack <= x <= shape[1] + slack and -slack <= y <= shape[0] + slack for x, y in self.corners)
+    def lies_in(self, shape: tuple[int, ...]) -> bool:
+        """Return whether all corners are inside a frame (rows, columns)."""
+        return all(0 <= x <= shape[1] and 0 <= y <= shape[0] for x, y in self.corners)
 
     def patch_corners(self, size: float) -> DoubleArray:
         """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24, 4, 2), x and y."""
@@ -87,28 +88,21 @@ class ChartPlace:
         """Return the pixels of the measured parts of the patches, in reading order."""
         return [_pixels(quad) for quad in self.patch_corners(INNER)]
 
-    def covered(self, shape: tuple[int, int]) -> BoolArray:
-        """Return which pixels of a frame (rows, columns) show the chart, with the card around it: (H, W)."""
-        ends = rectangle(-_CARD, -_CARD, COLUMNS + _CARD, ROWS + _CARD)
-        down, right = np.ogrid[: shape[0], : shape[1]]
-        return _inside(np.stack(self.at(*ends.T), axis=-1), right + 0.5, down + 0.5)
-
     @property
     def cells(self) -> DoubleArray:
         """The centres of the patches in cells, (24, 2): x and y."""
-        return np.stack([np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)], axis=1)
+        rows, columns = np.indices((ROWS, COLUMNS)) + 0.5
+        return np.stack([columns.ravel(), rows.ravel()], axis=1)
 
 
 def _pixels(corners: DoubleArray) -> Pixels:
-    """Return the pixels whose centres lie inside a convex polygon; corners: see `_inside`."""
+    """Return the pixels whose centres lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
     left, top = np.floor(corners.min(axis=0)).astype(int)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
     rows, columns = np.mgrid[top:bottom, left:right]
-    inside = _inside(corners, columns + 0.5, rows + 0.5)
-    return rows[inside], columns[inside]
-
-
-def _inside(corners: DoubleArray, x: DoubleArray, y: DoubleArray) -> BoolArray:
-    """Return which points lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
+    x, y = columns + 0.5, rows + 0.5
     sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
-    return np.logical_and.reduce([(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides])
+    inside = np.ones(x.shape, bool)
+    for (x0, y0), (x1, y1) in sides:
+        inside &= (x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0)
+    return rows[inside], columns[inside]
