@@ -8,6 +8,7 @@ from offline import render
 from offline.burst import merge_burst, render_burst_bands
 from shared import SensorCalibration
 from tests.benchmarks.harness import PATTERN, middle
+from tests.benchmarks.moving_disc import with_disc
 from tools.evaluation.metrics import psnr
 from tools.simulation.burst import SimulatedBurst, burst_frames
 from tools.simulation.load import load_scene
@@ -21,10 +22,10 @@ def main() -> None:
     print("scene, sigma: PSNR single, burst where the thing was in any frame; and elsewhere")
     for path in sys.argv[1:]:
         rgb = middle(load_scene(path).rgb, _SIDE)
-        frames = list(burst_frames(rgb, SimulatedBurst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2))
+        still = list(burst_frames(rgb, SimulatedBurst(8, 3, 0.3), np.random.default_rng(1), 2))
+        frames, things = with_disc(still, np.random.default_rng(1))
         truth = frames[0].rgb
         row, column = np.indices(truth.shape[:2])
-        things = [frame.thing for frame in frames if frame.thing]
         changed = np.any([np.hypot(row - y, column - x) < radius + 2 for y, x, radius in things], axis=0)
         inside = np.zeros_like(changed)
         inside[_BORDER:-_BORDER, _BORDER:-_BORDER] = True

@@ -24,13 +24,13 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.benchmarks.harness import PATTERN, options
+from tests.benchmarks.spectral import BANDS, spectral_scene
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import BORDER, quality
 from tools.evaluation.rivals.planes import denoised_planes, planes
 from tools.evaluation.scene_sets import cut
 from tools.io.scene import Scene
-from tools.simulation.drawn.spectral import BANDS
 from tools.simulation.filters import filters_for
 from tools.simulation.load import load_scene
 from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
@@ -184,7 +184,8 @@ def main() -> None:
     photographs: dict[str, Rows] = {}
     for source in arguments.scenes:
         try:
-            scene = load_scene(source)
+            size = source.removeprefix("spectral:")
+            scene = load_scene(source) if size == source else spectral_scene(*map(int, size.split("x")))
             scene = replace(scene, rgb=cut(scene.rgb, arguments.size))
         except InputError as error:
             raise SystemExit(f"{source}: {error}") from None

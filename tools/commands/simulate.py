@@ -2,9 +2,7 @@
 
 A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
 render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
-builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none;
-spectral:WIDTHxHEIGHT[@LIGHT], known spectra in eight bands, H I J K L N O P from short to long wavelengths, and R G B C M Y made of
-them, under a light such as A, D65 or 3200 (kelvin).
+builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
 
 With --pattern a scene may have other channels than red, green and blue: an EXR by their names, a TIFF (samples or pages) or NPY in
 the order of the pattern's letters. Filters C, M and Y are made from red, green and blue.
@@ -69,8 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
     option(burst, "--burst N", "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved", type=count)
     option(burst, "--motion PIXELS", "largest displacement of the others (default: 0)", type=float, default=0.0)
-    option(burst, "--rotation DEGREES", "largest rotation of the others (default: 0)", type=float, default=0.0)
-    option(burst, "--moving", "a thing moves through the scene, 5 to 20 pixels from frame to frame")
     bracket = "exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time"
     alike = "(default: all frames are exposed alike)"
     option(burst, "--bracket EV,EV,...", f"{bracket} {alike}", type=numbers(example="0,-2,2"), default=())
@@ -180,8 +176,8 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
 def _burst(arguments: argparse.Namespace) -> SimulatedBurst:
     """The burst that is asked for; one frame without --burst."""
     if arguments.burst is None:
-        for option in ("motion", "rotation", "moving", "bracket"):
+        for option in ("motion", "bracket"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} needs --burst: it is about the frames of a series")
         return SimulatedBurst(1)
-    return SimulatedBurst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.bracket)
+    return SimulatedBurst(arguments.burst, arguments.motion, stops=arguments.bracket)
