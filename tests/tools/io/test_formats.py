@@ -22,8 +22,8 @@ from tests.exiftool import exiftool
 from tests.tools.io.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
 from tools.io.development import CAMERA, write_picture
 from tools.io.display import SPACES
-from tools.io.embedded import icc_profile
 from tools.io.formats import FORMATS
+from tools.io.icc import icc_profile
 from tools.io.kind import PictureKind
 from tools.io.samples import quantise
 

@@ -17,7 +17,7 @@ from shared.errors import InputError
 from tests.tools.io.files import save
 from tools.io.colour import decode_srgb
 from tools.io.decoders import exr
-from tools.io.icc_reading import read_profile
+from tools.io.icc import read_profile
 from tools.simulation.load import load_scene
 
 SRGB_PROFILE: bytes = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
@@ -32,9 +32,23 @@ def profile(curve: bytes, primaries: Any = None) -> bytes:
     for name, element in zip(names, elements, strict=True):
         table += struct.pack(">4sII", name, 128 + 4 + 72 + len(data), len(element))
         data += element + bytes(-len(element) % 4)
+    return _icc(table, data)
+
+
+def _icc(table: bytes, data: bytes) -> bytes:
     header = bytearray(128)
-    header[16:24], header[36:40] = b"RGB XYZ ", b"acsp"
+    header[:4], header[8:12] = (128 + len(table) + len(data)).to_bytes(4, "big"), b"\x02\x40\0\0"
+    header[12:24], header[36:40] = b"mntrRGB XYZ ", b"acsp"
     return bytes(header) + table + data
+
+
+def table_profile(corners: np.ndarray[Any, Any]) -> bytes:
+    """An ICC profile of a table (mft2): XYZ at the corners of the cube, (2, 2, 2, 3), red first."""
+    matrix = struct.pack(">9i", *(np.eye(3).astype(int) * 65536).ravel())
+    ramps = struct.pack(">6H", *(0, 65535) * 3)
+    nodes = np.rint(corners * 32768).astype(">u2").tobytes()
+    element = b"mft2\0\0\0\0\3\3\2\0" + matrix + struct.pack(">2H", 2, 2) + ramps + nodes + ramps
+    return _icc(struct.pack(">I4sII", 1, b"A2B0", 144, len(element)), element)
 
 
 GAMMA_18 = profile(struct.pack(">4s4xIH", b"curv", 1, round(1.8 * 256)))
@@ -149,16 +163,18 @@ def test_curves_of_profiles() -> None:
     np.testing.assert_allclose(found.curves[1](x), srgb(x), atol=1e-4)
     np.testing.assert_allclose(found.to_xyz, SRGB_TO_XYZ, atol=1e-4)
     np.testing.assert_allclose(decode_srgb(x), srgb(x), atol=1e-15)
-    s15 = [round(value * 65536) for value in (2.0, 0.9, -0.1, 0.05)]
-    table = struct.pack(">4s4xI5H", b"curv", 5, 0, 1000, 10000, 30000, 65535)
-    for curve, expected in (
-        (struct.pack(">4s4xHxx1i", b"para", 0, *s15[:1]), x**2),
-        (struct.pack(">4s4xHxx3i", b"para", 1, *s15[:3]), (0.9 * x - 0.1).clip(0) ** 2),
-        (struct.pack(">4s4xHxx4i", b"para", 2, *s15), (0.9 * x - 0.1).clip(0) ** 2 + 0.05),
-        (table, np.interp(x, np.linspace(0, 1, 5), np.array([0, 1000, 10000, 30000, 65535]) / 65535)),
-    ):
-        parsed = read_profile(profile(curve))
-        np.testing.assert_allclose(parsed.curves[2](x), expected, atol=1e-4)
+
+
+def test_a_profile_of_tables_is_followed(tmp_path: Path) -> None:
+    cube = np.moveaxis(np.indices((2, 2, 2)), 0, -1).astype(float)
+    corners = cube @ np.array(SRGB_TO_XYZ).T
+    corners[1, 1, 0] *= 0.8  # yellow is darker than red and green together
+    picture = (255 * cube).astype(np.uint8).reshape(2, 4, 3)
+    tifffile.imwrite(tmp_path / "a.tif", picture, photometric="rgb", iccprofile=table_profile(corners))
+    scene = load_scene(str(tmp_path / "a.tif"))
+    seen = scene.rgb @ np.array(scene.camera_to_xyz).T
+    np.testing.assert_allclose(seen, corners.reshape(2, 4, 3), atol=1e-3)
+    assert scene.notes == ()
 
 
 @pytest.mark.parametrize(
