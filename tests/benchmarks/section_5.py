@@ -33,7 +33,7 @@ from tools.evaluation.scene_sets import cut
 from tools.io.scene import Scene
 from tools.simulation.filters import filters_for
 from tools.simulation.load import load_scene
-from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 from tools.simulation.simulated_camera import SimulatedCamera
 
 OF_STEPS = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"

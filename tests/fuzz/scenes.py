@@ -27,7 +27,7 @@ from tests.fuzz.sweep import sweep
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"

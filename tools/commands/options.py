@@ -14,8 +14,8 @@ from shared.pattern import PERIODS
 from shared.reading import MAX_PIXELS
 from shared.tiles import TILES
 from tools.batch.memory import parse_bytes
+from tools.simulation.noise import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
 from tools.simulation.pattern_text import read_pattern
-from tools.simulation.protocols import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
 
 T = TypeVar("T")
 

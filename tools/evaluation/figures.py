@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .measures import PLANES, TITLES, Histogram, Measures
 from .methods import methods

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from tools.batch.console import one_line
 from tools.io.scene import RGB as RGB_CHANNELS
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .figures import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion, Figures, SetFigures
 from .hue import PLACES

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tools.batch.console import one_line
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .figures import CRITERIA, EVEN, Figures, SetFigures
 from .methods import methods

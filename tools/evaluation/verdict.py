@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .figures import CHROMINANCE, CRITERIA, EVEN, LUMINANCE, RGB, Comparison, Criterion, SetFigures
 from .measures import TITLES

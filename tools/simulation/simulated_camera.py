@@ -25,8 +25,7 @@ from tools.simulation.load import load_scene
 from .burst import SimulatedFrame
 from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
-from .protocols import Protocol, SensorProtocol
-from .protocols.protocol import SensorLight, dimmed
+from .noise import Protocol, SensorProtocol, dimmed
 from .sensor import simulate_sensor, typical_noise
 
 BITS = 12
@@ -118,7 +117,7 @@ class SimulatedCamera:
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
         calibration = self.lens.calibrated(self.before(scene, filters), (seen.shape[0], seen.shape[1]))
         metadata = frame.metadata(scene.metadata)
-        mosaic = self.protocol.expose(SensorLight(seen, white, self.pattern, calibration, metadata), rng)
+        mosaic = self.protocol.expose(seen, white, self.pattern, calibration, rng, metadata)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
 
 

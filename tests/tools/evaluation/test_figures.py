@@ -23,7 +23,7 @@ from tools.evaluation.study import Cell, Study
 from tools.evaluation.tables import encode_csv, encode_json
 from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import FEW, Claim, ahead, caveats, claims, headline, losses, standing
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)

@@ -11,7 +11,7 @@ from tools.evaluation.methods import choose, default_names, methods
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.io.versions import package_version
 from tools.simulation.bayer import sample_bayer
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 ASKED_FOR = "paper best unlearned preview bilinear malvar menon dlmmse ahd dcb dht aahd ea demosaicnet bm3d+menon bm3d+dlmmse"
 

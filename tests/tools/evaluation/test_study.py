@@ -21,7 +21,7 @@ from tools.evaluation.page.gallery import Crop, render_exhibit
 from tools.evaluation.rivals.interpolation import demosaic_bilinear
 from tools.evaluation.study import FOLDER, Study, collect, tasks, work
 from tools.evaluation.team import Team, needed_memory
-from tools.simulation.protocols import PaperProtocol, SensorProtocol
+from tools.simulation.noise import PaperProtocol, SensorProtocol
 from tools.simulation.sensor import simulate_additive
 
 NOISY = PaperProtocol(0.03)

@@ -11,8 +11,8 @@ from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.study import can_photograph
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
+from tools.simulation.noise import PaperProtocol, SensorProtocol
 from tools.simulation.pattern_text import read_pattern
-from tools.simulation.protocols import PaperProtocol, SensorProtocol
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 BROADBAND = CfaPattern.with_block(("CM", "YC"), period=4)

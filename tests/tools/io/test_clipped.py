@@ -12,7 +12,7 @@ from tools.io.clipped import saturation, with_white_highlights
 from tools.io.display import ColourTransform
 from tools.io.scene import Scene
 from tools.simulation.load import load_scene
-from tools.simulation.protocols import SensorProtocol
+from tools.simulation.noise import SensorProtocol
 from tools.simulation.simulated_camera import SimulatedCamera
 
 NEUTRAL = (0.5, 1.0, 0.625)

@@ -13,7 +13,7 @@ from tools.evaluation.cameras import CameraPair
 from tools.io.scene import Scene, scene_channels
 from tools.simulation.bayer import sample_bayer
 from tools.simulation.filters import Filters, filters_for
-from tools.simulation.protocols import PROTOCOLS, PaperProtocol, Protocol, SensorProtocol, chosen_protocol
+from tools.simulation.noise import PROTOCOLS, PaperProtocol, Protocol, SensorProtocol, chosen_protocol
 from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
 
 RNG = np.random.default_rng(5)

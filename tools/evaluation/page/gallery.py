@@ -13,7 +13,7 @@ from shared.errors import InputError
 from tools.io.display import ColourTransform
 from tools.io.samples import quantise
 from tools.io.scene import RGB as RGB_CHANNELS
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from ..cameras import CameraPair
 from ..figures import RGB, Figures

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from tools.batch.html import bullets, cell, css_class, data_address, page, row, row_title, table
 from tools.io.illustrations import tile_picture
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from ..figures import CRITERIA, Figures, SetFigures
 from ..methods import methods

@@ -6,7 +6,7 @@ from html import escape
 from math import ceil, floor
 
 from tools.batch.plot import Plot, round_step, ticks
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from ..figures import SetFigures
 from ..measures import PLANES, TITLES

@@ -14,7 +14,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
 from tools.simulation.lens import Lens
-from tools.simulation.protocols import chosen_protocol
+from tools.simulation.noise import chosen_protocol
 from tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
 from .arguments import checked

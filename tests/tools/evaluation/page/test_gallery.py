@@ -21,7 +21,7 @@ from tools.evaluation.page.gallery import (
 )
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
-from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 
 INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
 

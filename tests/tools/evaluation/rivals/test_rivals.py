@@ -16,8 +16,7 @@ from tools.evaluation.rivals import denoising
 from tools.evaluation.rivals.denoising import denoise_bayer
 from tools.evaluation.rivals.integers import LIBRAW, Levels, encode_bayer_dng
 from tools.simulation.bayer import ORDER, sample_bayer
-from tools.simulation.protocols import PaperProtocol
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot, PaperProtocol
 
 # colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")
