@@ -33,19 +33,9 @@ def read_profile(profile: bytes) -> Encoding | None:
 
 
 def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArray:
-    """Convert codes by a profile of tables to linear light in the primaries of BT.2020.
+    """Convert codes (H, W, 1 or 3) by a profile of tables to linear light in BT.2020, float32 (H, W, 3).
 
-    Parameters
-    ----------
-    pixels : integers (H, W, 1 or 3)
-    peak : int
-        The code that stands for 1.0.
-
-    Returns
-    -------
-    float32 (H, W, 3)
-        1 = white, 0 or more.
-
+    `peak` is the code that stands for 1.0. White is 1; nothing is negative.
     """
     light: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
     back = np.linalg.inv(np.array(REC_2020)).T

@@ -126,27 +126,11 @@ class Protocol:
         rng: np.random.Generator,
         metadata: CaptureMetadata,
     ) -> Mosaic:
-        """Return the shot of a sparse-colour sensor.
-
-        Parameters
-        ----------
-        light : float32 (H, W, C)
-            What its filters read under full light, scene units.
-        exposure : float
-            Factor by which the light is multiplied, positive.
-
-        """
+        """Return the shot of a sparse-colour sensor, whose filters read `light` under full light, times `exposure`."""
         raise NotImplementedError
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
-        """Return the shot of a Bayer sensor, in scene units under full light.
-
-        Parameters
-        ----------
-        samples : float32 (H, W)
-            Without noise, scene units.
-
-        """
+        """Return the shot of a Bayer sensor, in scene units under full light, from samples without noise."""
         raise NotImplementedError
 
 

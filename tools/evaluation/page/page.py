@@ -1,5 +1,6 @@
 """The page: two pictures, verdict, plots, gallery and all tables in one HTML file that needs no network."""
 
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
@@ -7,8 +8,10 @@ from importlib.resources import files
 from string import Template
 from typing import TypeVar
 
+import numpy as np
+
 from tools.batch.html import bullets, cell, css_class, data_address, page, row, row_title, table
-from tools.io.illustrations import tile_picture
+from tools.io.illustrations import tile_map
 from tools.simulation.noise import Protocol
 
 from ..figures import CRITERIA, Figures, SetFigures
@@ -189,7 +192,7 @@ def _card(study: Study, tile: Tile) -> str:
     light = study.light(tile)
     collected = f"{light:.2f}× the light of a Bayer sensor" if light else "no scene has its colours"
     return (
-        f'<figure class="tile">{tile_picture(tile.pattern.tile)}<figcaption><b>{escape(tile.name)}</b><br>'
+        f'<figure class="tile">{_drawn(tile.pattern.tile)}<figcaption><b>{escape(tile.name)}</b><br>'
         f"{100 * tile.panchromatic_share:.0f} % W<br>{collected}</figcaption></figure>"
     )
 
@@ -256,3 +259,9 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
     if failures:
         parts.append(f"<h3>Left out</h3>{bullets(failures)}")
     return "\n".join(parts)
+
+
+def _drawn(tile: Sequence[str]) -> str:
+    """The picture of a tile."""
+    light = np.array([[float(letter == "W") for letter in row] for row in tile])
+    return f'<img src="data:image/png;base64,{b64encode(tile_map(tile, light)).decode()}" alt="{escape("/".join(tile))}">'
