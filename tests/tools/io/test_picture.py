@@ -10,12 +10,10 @@ import OpenEXR
 import pytest
 import tifffile
 from PIL import Image, ImageCms
-from PIL.PngImagePlugin import PngInfo
 
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from tests.tools.io.files import save
-from tools.io.colour import decode_srgb
 from tools.io.decoders import exr
 from tools.io.icc import read_profile
 from tools.simulation.load import load_scene
@@ -91,13 +89,6 @@ def test_floating_point_is_scene_units(tmp_path: Path, dtype: type, suffix: str)
     assert scene.notes == ()
 
 
-def test_values_past_white_stay_and_a_note_says_so(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.array([[0.5, 3.0]], np.float32))
-    scene = load_scene(str(tmp_path / "a.npy"))
-    assert scene.rgb.max() == 3
-    assert "1.0 is white" in scene.notes[0]
-
-
 @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4])
 @pytest.mark.parametrize("suffix", [".tif", ".npy"])
 def test_grey_becomes_three_alike_and_transparency_goes(tmp_path: Path, suffix: str, channels: int) -> None:
@@ -114,14 +105,6 @@ def test_grey_becomes_three_alike_and_transparency_goes(tmp_path: Path, suffix: 
     scene = load_scene(str(path))
     np.testing.assert_allclose(scene.rgb, (picture[..., :1] / 65535).repeat(3, axis=2), atol=1e-7)
     assert ("transparency is left out" in scene.notes) == (channels in (2, 4))
-
-
-@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGBA"])
-def test_other_png_kinds(tmp_path: Path, mode: str) -> None:
-    picture = Image.fromarray(ramp(np.uint8)).convert(mode)
-    picture.save(tmp_path / "a.png")
-    expected = np.asarray(picture.convert("RGB")) / 255
-    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, srgb(expected), atol=1e-7)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
@@ -147,24 +130,6 @@ def test_a_profile_is_believed(tmp_path: Path, suffix: str, dtype: type, icc: by
     assert bool(forced.notes) == (gamma != 1)
 
 
-def test_a_profile_gives_the_primaries(tmp_path: Path) -> None:
-    wide = np.array([[0.6097, 0.2053, 0.1492], [0.3111, 0.6257, 0.0632], [0.0195, 0.0609, 0.7446]])  # Adobe RGB (1998), D50
-    path = tmp_path / "a.tif"
-    tifffile.imwrite(path, ramp(np.uint16), photometric="rgb", iccprofile=profile(struct.pack(">4s4xI", b"curv", 0), wide))
-    scene = load_scene(str(path))
-    np.testing.assert_allclose(scene.camera_to_xyz, wide, atol=2e-4)
-    np.testing.assert_allclose(np.array(scene.camera_to_xyz).sum(axis=1), (0.9642, 1, 0.8249), atol=1e-12)
-
-
-def test_curves_of_profiles() -> None:
-    x = np.linspace(0, 1, 101)
-    found = read_profile(SRGB_PROFILE)
-    assert not found.linear
-    np.testing.assert_allclose(found.curves[1](x), srgb(x), atol=1e-4)
-    np.testing.assert_allclose(found.to_xyz, SRGB_TO_XYZ, atol=1e-4)
-    np.testing.assert_allclose(decode_srgb(x), srgb(x), atol=1e-15)
-
-
 def test_a_profile_of_tables_is_followed(tmp_path: Path) -> None:
     cube = np.moveaxis(np.indices((2, 2, 2)), 0, -1).astype(float)
     corners = cube @ np.array(SRGB_TO_XYZ).T
@@ -187,27 +152,6 @@ def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path, broke
     if broken:
         tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
         assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)
-
-
-@pytest.mark.parametrize(("gamma", "expected"), [(45455, "srgb"), (100000, 1.0), (50000, 2.0)])
-def test_png_gamma_is_believed(tmp_path: Path, gamma: int, expected: float | str) -> None:
-    info = PngInfo()
-    info.add(b"gAMA", struct.pack(">I", gamma))
-    picture = ramp(np.uint8)
-    Image.fromarray(picture).save(tmp_path / "a.png", pnginfo=info)
-    value = srgb(picture / 255) if isinstance(expected, str) else (picture / 255) ** expected
-    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, value, atol=1e-6)
-
-
-@pytest.mark.parametrize("channel", ["Y", "RGBA"])
-def test_exr_chromaticities_and_kinds(tmp_path: Path, channel: str) -> None:
-    grey = np.random.default_rng(0).random((5, 7)).astype(np.float32)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)}
-    with OpenEXR.File(header, {channel: grey if channel == "Y" else np.dstack([grey] * 4)}) as file:
-        file.write(str(tmp_path / "a.exr"))
-    scene = load_scene(str(tmp_path / "a.exr"))
-    np.testing.assert_array_equal(scene.rgb, grey[..., None].repeat(3, axis=2))
-    np.testing.assert_allclose(scene.camera_to_xyz, SRGB_TO_XYZ, atol=1e-6)
 
 
 def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,12 +35,6 @@ def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     assert shift == same != other
 
 
-def test_without_motion_every_frame_is_the_scene(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves, SimulatedBurst(3), random()))
-    assert all(frame.motion.none for frame in frames)
-    assert all(np.array_equal(frame.rgb, leaves) for frame in frames)
-
-
 def test_the_reference_is_a_part_of_the_scene(leaves: FloatArray) -> None:
     reference = next(burst_frames(leaves, HAND, random()))
     rows, columns = reference.rgb.shape[:2]
@@ -75,15 +69,6 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
 
-def test_light_is_not_negative() -> None:
-    """Interpolation overshoots beside a sharp edge."""
-    edge = np.zeros((120, 120, 3), np.float32)
-    edge[:, 60:] = 1
-    frames = list(burst_frames(edge, HAND, random()))
-    assert min(frame.rgb.min() for frame in frames) == 0
-    assert max(frame.rgb.max() for frame in frames) > 1.01
-
-
 def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
     frames = list(burst_frames(leaves, SimulatedBurst(3, stops=(0, -2, 1)), random()))
     assert [frame.exposure for frame in frames] == [1, 0.25, 2]
@@ -110,11 +95,6 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
 def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> None:
     with pytest.raises(InputError, match=words):
         SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
-
-
-def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
-    with pytest.raises(InputError, match="loses 112 pixels on each side of a scene of 240 x 200: nothing is left; take a larger"):
-        next(burst_frames(leaves, SimulatedBurst(2, pixels=100), random()))
 
 
 # --- a camera that has moved -----------------------------------------------------------------------------------------------------
@@ -156,16 +136,6 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE
-
-
-@pytest.mark.parametrize(("down", "across"), [(1, 0), (0, -3), (-17, 20)])
-def test_whole_pixels_are_exact(down: int, across: int) -> None:
-    light = np.random.default_rng(0).random((60, 70, 3), np.float32)
-    seen = displaced(light, moved(down, across))
-    border = reach(moved(down, across), light.shape)
-    rolled = np.roll(light, (down, across), (0, 1))
-    np.testing.assert_allclose(seen[20:-20, 20:-20], rolled[20:-20, 20:-20], atol=1e-4)
-    assert border >= max(abs(down), abs(across))
 
 
 def test_what_is_within_reach_of_the_border_alone_depends_on_what_is_beyond() -> None:
