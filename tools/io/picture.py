@@ -11,7 +11,7 @@ from shared.errors import InputError
 from shared.white_balance import shades_of_grey
 
 from .clipped import with_white_highlights
-from .decoders import Decoded
+from .decoded import Decoded
 from .encoding import LINEAR, SRGB, Encoding
 from .icc import through_tables
 from .scene import RGB, Scene

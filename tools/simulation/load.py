@@ -20,7 +20,8 @@ from shared.reading import MAX_PIXELS, opened_file
 from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 from tools.io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
-from tools.io.decoders import FORMATS, TIFF, PictureFormat, guarded
+from tools.io.decoded import PictureFormat, guarded
+from tools.io.decoders import FORMATS, TIFF
 from tools.io.dng_opcodes import remark_on_opcodes
 from tools.io.linear_dng import linear_dng_scene
 from tools.io.picture import gehler_shi_scene, picture_scene

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.io.decoders import Decoded, decode_array
+from tools.io.decoded import Decoded
+from tools.io.decoders import decode_array
 from tools.io.picture import picture_scene
 from tools.io.scene import Scene
 from tools.simulation.drawn.builtin import builtin_scene

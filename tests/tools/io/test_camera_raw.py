@@ -30,8 +30,6 @@ def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
     return load_scene(write_dng(path / "a.dng", *arguments, **options), registered=False)
 
 
-
-
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
     return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
 

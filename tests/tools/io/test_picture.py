@@ -14,7 +14,7 @@ from PIL import Image, ImageCms
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from tests.tools.io.files import save
-from tools.io.decoders import exr
+from tools.io import decoders
 from tools.io.icc import read_profile
 from tools.simulation.load import load_scene
 
@@ -164,4 +164,4 @@ def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monk
 
     monkeypatch.setattr(OpenEXR, "File", header_alone)
     with pytest.raises(InputError, match="8 x 6"):
-        exr.unpack_exr(str(path), 47, "RGB")
+        decoders.unpack_exr(str(path), 47, "RGB")

@@ -14,9 +14,9 @@ from shared import CaptureMetadata
 from shared.errors import InputError
 from shared.tiff_reading import read_directories
 
-from ..encoding import ADOBE_RGB, SRGB, Encoding
-from ..icc import read_profile
-from ..scene import RGB, scene_channels
+from .encoding import ADOBE_RGB, SRGB, Encoding
+from .icc import read_profile
+from .scene import RGB, scene_channels
 
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency
 MOST_PAGES = 26
