@@ -6,11 +6,10 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 
-from .sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
+from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _BITS = 12
 _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
@@ -117,18 +116,6 @@ class Protocol:
         """Return the same noise for a sensor with other filters, `unit` of whose scene units are one of R, G and B filters'."""
         return self
 
-    def expose(
-        self,
-        light: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
-        """Return the shot of a sparse-colour sensor, whose filters read `light` under full light, times `exposure`."""
-        raise NotImplementedError
-
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """Return the shot of a Bayer sensor, in scene units under full light, from samples without noise."""
         raise NotImplementedError
@@ -182,19 +169,6 @@ class PaperProtocol(Protocol):
     def scaled(self, unit: float) -> Protocol:
         """Return the same fraction of what a panchromatic pixel reads in white: see `Protocol.scaled`."""
         return replace(self, level=self.level * unit)
-
-    def expose(
-        self,
-        light: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
-        """Return a shot in scene units, float32: see `Protocol.expose`."""
-        seen = dimmed(light, exposure)
-        return simulate_additive(seen, pattern, calibration, self.level, rng, metadata)
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """Return a shot with the same noise on every sample: see `Protocol.bayer`."""
@@ -250,18 +224,6 @@ class SensorProtocol(Protocol):
         """Light that a shot records, as a multiple of the scene's."""
         return self.level
 
-    def expose(
-        self,
-        light: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
-        """Return a shot in codes, uint16: see `Protocol.expose`."""
-        return simulate_sensor(light, pattern, calibration, exposure, rng, metadata)
-
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """Return a shot of the same electrons, whose white level is 1 scene unit times `level`: see `Protocol.bayer`."""
         light = samples * self.level
@@ -304,8 +266,3 @@ def chosen_protocol(name: str | None, levels: Mapping[str, Given | None]) -> tup
             f"`{others[0]}` is not a level of `protocol` {name}, whose noise is set by `{chosen.option}`; give the one or the other"
         )
     return chosen, levels.get(chosen.option)
-
-
-def dimmed(light: FloatArray, factor: float) -> FloatArray:
-    """Return light times a factor; the same array for 1."""
-    return light if factor == 1 else light * np.float32(factor)
