@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from tools.simulation.bayer import sample_bayer
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 
 def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator) -> FloatArray:

@@ -38,7 +38,7 @@ from tools.evaluation.metrics import BORDER, quality, whole_psnr
 from tools.io.versions import package_version
 from tools.simulation.burst import SimulatedBurst, burst_frames
 from tools.simulation.load import load_scene
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 from tools.simulation.sensor import simulate_additive
 
 REDUCED, LEAST = 2, 300

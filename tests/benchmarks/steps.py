@@ -20,7 +20,7 @@ from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import render_preset
 from tools.evaluation.metrics import quality
 from tools.simulation.load import load_scene
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 FIGURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FILLED = replace(BEST.luminance, learned=False)

@@ -24,14 +24,10 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tests.fuzz.sweep import sweep
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.measures import Measures
-from tools.evaluation.methods import methods
-from tools.simulation.protocols import PaperProtocol
 from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
-WAYS = (*PRESETS, "burst", "preview", "evaluate")
+WAYS = (*PRESETS, "burst", "preview")
 SCENES = ("black", "white", "constant", "pixel", "row", "checker", "letterbox", "below black", "strokes", "random")
 LIGHTS = (1.0, 1.0, 1.0, 2.0**-6, 30.0, 100.0)  # times the scene
 KODAK = "WBWG/BWGW/WGWR/GWRW"
@@ -76,7 +72,7 @@ def case(seed: int, number: int) -> Case:
     """Case `number` of a campaign."""
     random = Random(f"{seed} {number}")
     pattern, way = _pattern(random), random.choice(WAYS)
-    least = {"evaluate": 41, "burst": 24}.get(way, 2 * pattern.period)
+    least = 24 if way == "burst" else 2 * pattern.period
     height, width = (random.choice((least, random.randrange(least, least + 12), random.randrange(60, 140))) for _ in range(2))
     channels, name, light = len(pattern.channels), random.choice(SCENES), random.choice(LIGHTS)
     scene = light * _drawn(name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30)))
@@ -179,12 +175,6 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
         case "burst":
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
             return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
-        case "evaluate":
-            protocol, channels = PaperProtocol(0.0 if case.take == "exact" else 0.02), case.pattern.channels
-            cameras = CameraPair(protocol, 0, case.scene, case.pattern, None, channels=channels)
-            picture = methods()["best"].render(cameras)
-            found = Measures.of(picture, case.scene, case.pattern.channels)
-            return [picture, np.array([*found.quality]), np.array([*found.psnr, found.wrong_hue or 0.0]), found.errors]
         case preset:
             made = render(shot, PRESETS[preset])
             return [made.rgb, made.luminance, made.chromaticity]
@@ -208,7 +198,7 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     """Whether a picture is what is known of it: of scenes alone, without noise."""
     if case.take != "exact" or case.noise == "huge":
         return RIGHT, ""
-    gamma = np.array(case.calibration.gamma if case.way != "evaluate" else 1.0)
+    gamma = np.array(case.calibration.gamma)
     brightest = float(max(np.abs(sample(case.scene, case.pattern, case.calibration)).max(), (gamma * np.abs(case.scene)).max()))
     weighted, quantised = picture * gamma, case.way == "preview"
     if case.name == "black" and np.abs(weighted).max() > _BLACK:

@@ -13,8 +13,8 @@ from offline import Rendering, RenderSettings, render
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tests.fuzz import bombs, campaign, descriptions, scenes
-from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, outcome, undamaged
+from tests.fuzz import bombs, campaign, scenes
+from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
 from tests.python import run_python
 
@@ -80,21 +80,8 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
     assert [name for name in bombs.PIECES if not found[name][0]] == []
 
 
-def test_no_wrong_description_of_a_stream_passes_silently() -> None:
-    found = [descriptions.case(2014, number) for number in range(len(descriptions.WRONG) + 1)]
-    assert {wrong for wrong, _ in found} == {*descriptions.WRONG, descriptions.RIGHT}
-    assert [(number, *each) for number, each in enumerate(found) if descriptions.is_fault(*each)] == []
-    assert descriptions.REFUSED in {outcome for _, outcome in found}
-
-
-def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(descriptions, "checked", lambda frames, sensor, note: frames)
-    assert all(descriptions.is_fault(*descriptions.case(0, number)) for number in range(len(descriptions.WRONG)))
-
-
 def test_extreme_scenes_end_in_pictures() -> None:
     cases = [scenes.case(2014, number) for number in range(40)]
-    cases.append(scenes.case(3, 95))  # a burst as noisy as it is bright, whose colours single precision could not solve
     assert {each.way for each in cases} == set(scenes.WAYS)
     assert [(str(each), scenes.outcome(each)) for each in cases if scenes.outcome(each)[0] != scenes.RIGHT] == []
 
@@ -127,10 +114,3 @@ def test_a_wrong_picture_of_an_extreme_scene_is_caught(
     found, why = scenes.outcome(each)
     assert found == scenes.FAULT
     assert says in why
-
-
-def test_another_whole_file_is_no_damage() -> None:
-    """Two shots that are spliced behind the bytes that all TIFFs begin with are one of them."""
-    samples = corpus()
-    assert undamaged(samples, samples[2].data, 4) == 2
-    assert undamaged(samples, samples[2].data[:-1], 4) == 4

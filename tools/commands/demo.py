@@ -34,7 +34,7 @@ from tools.io.scene import Scene
 from tools.simulation.bayer import sample_bayer
 from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
 from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 from tools.simulation.simulated_camera import SimulatedCamera
 
 from .options import add

@@ -13,8 +13,8 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import TILES
 from tools.batch.memory import parse_bytes
+from tools.simulation.noise import PROTOCOLS, Protocol, chosen_protocol
 from tools.simulation.pattern_text import read_pattern
-from tools.simulation.protocols import PROTOCOLS, Protocol, chosen_protocol
 
 T = TypeVar("T")
 

@@ -2,9 +2,7 @@
 
 A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
 render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
-builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none;
-spectral:WIDTHxHEIGHT[@LIGHT], known spectra in eight bands, H I J K L N O P from short to long wavelengths, and R G B C M Y made of
-them, under a light such as A, D65 or 3200 (kelvin).
+builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
 
 With --pattern a scene may have other channels than red, green and blue: an EXR by their names, a TIFF (samples or pages) or NPY in
 the order of the pattern's letters. Filters C, M and Y are made from red, green and blue.

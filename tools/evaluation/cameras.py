@@ -11,8 +11,7 @@ from shared.arrays import FloatArray
 from tools.io.scene import RGB, Scene
 from tools.simulation.bayer import channel_map, check_mosaic, sample_bayer
 from tools.simulation.filters import Filters
-from tools.simulation.protocols import Protocol
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot, Protocol
 from tools.simulation.simulated_camera import SimulatedCamera
 
 from .tiles import filters_of

@@ -11,7 +11,7 @@ from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from tools.io.display import ColourTransform
 from tools.io.samples import quantise
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .cameras import CameraPair
 from .figures import RGB, Figures, Place

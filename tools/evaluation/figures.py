@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .measures import PLANES, Histogram, Measures
 from .metrics import QUANTILES

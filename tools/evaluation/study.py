@@ -14,7 +14,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError, OutputError, PanchromaError
 from shared.writing import own_file, write_durably
 from tools.io.scene import RGB
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .cameras import CameraPair
 from .measures import Measures

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tools.batch.console import one_line
-from tools.simulation.protocols import Protocol
+from tools.simulation.noise import Protocol
 
 from .figures import CRITERIA, EVEN, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES

@@ -28,7 +28,7 @@ from shared.tiff_reading import StoredDirectories, StoredFields, read_directorie
 from shared.white_balance import clipped_share, normalised, shades_of_grey
 
 from .clipped import SHOULDER, saturation, with_white_highlights
-from .decoders import guarded
+from .decoded import guarded
 from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size

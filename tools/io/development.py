@@ -12,7 +12,8 @@ from shared.tiff import Directory
 from shared.writing import OnComplete, durable_file
 
 from .display import ColourTransform
-from .embedded import icc_profile, picture_directory
+from .embedded import picture_directory
+from .icc import icc_profile
 
 if TYPE_CHECKING:
     from .kind import PictureKind

@@ -20,6 +20,8 @@ _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
 _BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
 _BT601_525 = ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070))
 _ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998), 4.3.1.1
+REC_2020 = as_rows(primaries_to_xyz(_BT2020))
+"""Matrix from linear RGB of BT.2020 to XYZ (D50)."""
 # H.273, table 2.
 _CODED_PRIMARIES = {
     1: (SRGB_PRIMARIES, D65_XY),
@@ -40,12 +42,14 @@ class Encoding:
     to_xyz: (3, 3), linear RGB to XYZ (D50 white).
     name: for the user.
     note: a remark for the user; "" = none.
+    profile: an ICC profile of tables, in place of the curves; b"" = none.
     """
 
     curves: tuple[Curve, ...]
     to_xyz: Matrix
     name: str
     note: str = ""
+    profile: bytes = b""
 
     @property
     def linear(self) -> bool:

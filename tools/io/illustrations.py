@@ -1,7 +1,6 @@
 """Pictures that explain: how the camera works, how its render compares, and a tile of filters."""
 
 from collections.abc import Sequence
-from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -19,25 +18,20 @@ if TYPE_CHECKING:
 
 _GAP, _PANEL, _CAPTION = 18, 330, 58
 _PAPER, _INK, _SOFT = (255, 255, 255), (24, 24, 27), (113, 113, 122)
-_FILTERS = {"R": (214, 64, 60), "G": (62, 160, 85), "B": (58, 96, 200), "W": (236, 236, 232)}
+_FILTERS = {
+    "R": (214, 64, 60),
+    "G": (62, 160, 85),
+    "B": (58, 96, 200),
+    "C": (23, 165, 184),
+    "M": (194, 65, 155),
+    "Y": (217, 179, 16),
+    PANCHROMATIC: (236, 236, 232),
+}
+_OTHER = (161, 161, 170)  # of filters with another letter
+_DARKEST, _BRIGHTEST = 20, 235  # levels of grey of sites
+_TILE = 480  # pixels of a drawn tile, about
 _DRAWN = 12  # pixels of a pattern drawing
 _SHOWN = 55  # scene pixels across a panel of the overview
-
-# Of a tile.
-_SIDE, _CELL = 480, (56, 120)  # pixels: of the picture, about; of a site, at least and at most
-_DARKEST, _BRIGHTEST = 20, 235  # levels of grey
-_DISCS = {
-    "R": (220, 38, 38),
-    "G": (22, 163, 74),
-    "B": (37, 99, 235),
-    "C": (8, 145, 178),
-    "M": (192, 38, 211),
-    "Y": (250, 204, 21),
-    "W": (255, 255, 255),
-}
-_OTHER = (161, 161, 170)
-_FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
-_SQUARE = 12  # SVG units of a site of a drawn tile
 
 Crop = tuple[int, int]
 
@@ -92,16 +86,46 @@ def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: in
     return _sheet(panels, across=len(pictures))
 
 
+def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) -> ByteArray:
+    """Return a picture of filters, uint8 (H, W, 3): a square for each, in its colour.
+
+    tile: rows of letters.
+    cell: pixels of a square, with a gap of two.
+    light: mean level of each site in any unit, (rows, columns): squares as grey as that, with a disc in the colour, and a letter.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    picture = Image.new("RGB", (len(tile[0]) * cell, len(tile) * cell), _PAPER)
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(cell * 0.36)
+    greys = None if light is None else _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
+    for row, column in np.ndindex(len(tile), len(tile[0])):
+        letter = tile[row][column]
+        left, top, colour = column * cell, row * cell, _FILTERS.get(letter, _OTHER)
+        grey = colour if greys is None else (round(float(greys[row, column])),) * 3
+        draw.rectangle((left, top, left + cell - 3, top + cell - 3), grey)
+        if greys is not None:
+            middle = (left + cell / 2 - 1, top + cell / 2 - 1)
+            draw.circle(middle, cell * 0.3, colour, _INK)
+            draw.text(middle, letter, _INK if sum(colour) > 450 else _PAPER, font, "mm")
+    return np.asarray(picture)
+
+
+def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
+    """Return the PNG of a tile, K rows of K letters, and of how bright its sites are (K, K): see `draw_tile`."""
+    from PIL import Image
+
+    file = BytesIO()
+    Image.fromarray(draw_tile(tile, max(_TILE // len(tile), 56), light)).save(file, "PNG")
+    return file.getvalue()
+
+
 def _pattern(tile: Sequence[str]) -> ByteArray:
-    """A drawing of filters, which repeat the letters of `tile`, one cell per pixel."""
-    cell = _PANEL // _DRAWN
-    picture = np.full((_PANEL, _PANEL, 3), _PAPER, np.uint8)
-    margin = (_PANEL - cell * _DRAWN) // 2
-    for row, column in np.ndindex(_DRAWN, _DRAWN):
-        top, left = margin + row * cell, margin + column * cell
-        letter = tile[row % len(tile)][column % len(tile)]
-        picture[top : top + cell - 2, left : left + cell - 2] = _FILTERS[letter]
-    return picture
+    """A panel with a pattern that repeats `tile`, one cell per pixel."""
+    rows = [(row * _DRAWN)[:_DRAWN] for row in (list(tile) * _DRAWN)[:_DRAWN]]
+    drawn = draw_tile(rows, _PANEL // _DRAWN)
+    before = (_PANEL - len(drawn)) // 2
+    edges = (before, _PANEL - len(drawn) - before)
+    return np.pad(drawn, (edges, edges, (0, 0)), constant_values=_PAPER[0])
 
 
 def _enlarged(display: FloatArray) -> ByteArray:
@@ -126,45 +150,3 @@ def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":
         draw.text((left, top + _PANEL + 5), name, _INK, title)
         draw.text((left, top + _PANEL + 30), explanation, _SOFT, line)
     return sheet
-
-
-def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
-    """A PNG with a square for each site of a tile, as grey as the site is bright, and in it a disc with the letter of its filter.
-
-    tile: K strings of K letters.
-    light: mean level of each site in any unit, (K, K).
-    """
-    from PIL import Image, ImageDraw, ImageFont
-
-    period = len(tile)
-    cell = min(max(_SIDE // period, _CELL[0]), _CELL[1])
-    picture = Image.new("RGB", (period * cell + 1, period * cell + 1), _PAPER)
-    draw = ImageDraw.Draw(picture)
-    font = ImageFont.load_default(cell * 0.36)
-    greys = _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
-    for row, column in np.ndindex(period, period):
-        left, top, grey = column * cell, row * cell, round(float(greys[row, column]))
-        draw.rectangle((left, top, left + cell, top + cell), (grey, grey, grey), _PAPER)
-        letter = tile[row][column]
-        colour = _DISCS.get(letter, _OTHER)
-        middle = (left + cell / 2, top + cell / 2)
-        draw.circle(middle, cell * 0.3, colour, _INK)
-        ink = _INK if sum(colour) > 450 else _PAPER
-        draw.text(middle, letter, ink, font, "mm")
-    file = BytesIO()
-    picture.save(file, "PNG")
-    return file.getvalue()
-
-
-def tile_picture(tile: Sequence[str]) -> str:
-    """Return the SVG element of one tile, K rows of K letters. Filters without a colour of their own name get a hue each."""
-    squares, side = "", len(tile) * _SQUARE
-    others = sorted(set("".join(tile)) - set(_FILLS))
-    for row_, letters in enumerate(tile):
-        for column, letter in enumerate(letters):
-            fill = _FILLS.get(letter) or f"hsl({360 * others.index(letter) / len(others):.0f} 55% 45%)"
-            x, y = column * _SQUARE, row_ * _SQUARE
-            squares += f'<rect x="{x}" y="{y}" width="{_SQUARE}" height="{_SQUARE}" fill="{fill}"/>'
-            if letter != PANCHROMATIC:
-                squares += f'<text x="{x + _SQUARE / 2:g}" y="{y + 0.77 * _SQUARE:g}">{escape(letter)}</text>'
-    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{escape("/".join(tile))}">{squares}</svg>'

@@ -19,9 +19,9 @@ from shared.white_balance import clipped_share, normalised
 
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
-from .decoders.tiff import tag_numbers
 from .file_size import check_pieces, data_bytes
 from .scene import Scene, check_size
+from .tiff import tag_numbers
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
 _LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, TAG["BlackLevelRepeatDim"], TAG["BlackLevel"])

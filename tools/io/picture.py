@@ -11,8 +11,9 @@ from shared.errors import InputError
 from shared.white_balance import shades_of_grey
 
 from .clipped import with_white_highlights
-from .decoders import Decoded
+from .decoded import Decoded
 from .encoding import LINEAR, SRGB, Encoding
+from .icc import through_tables
 from .scene import RGB, Scene
 
 # Gehler's colour-checker photographs as L. Shi and B. Funt publish them, the source of the paper's scenes: 16-bit PNGs that hold
@@ -42,7 +43,10 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
             rgb = pixels.astype(np.float32)
         notes += _remark_on_range(rgb)
     elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
-        rgb = _linearised(picture, picture.peak, encoding)
+        if encoding.profile:
+            rgb = through_tables(pixels, picture.peak, encoding.profile)
+        else:
+            rgb = _linearised(picture, picture.peak, encoding)
         notes += _remark_on_bits(int(pixels.max(initial=0)), picture.peak)
     else:
         raise InputError(f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or floating point")

@@ -12,17 +12,11 @@ from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.errors import InputError
 
-from .motion import MOST_DEGREES, RADIUS, Motion, displaced, reach
+from .motion import MOST_DEGREES, Motion, displaced, reach
 
 MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0
 STILL = Motion()
 _TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
-
-# The thing that moves through a scene on its own.
-_SIZE = 0.2  # diameter, part of the frame's shorter side
-_COLOUR = (2.0, 0.8, 0.2)  # of the scene's mean luminance, in an order that is drawn
-_TEXTURES = 8  # places of the scene, of which the one with the most contrast is taken
-_STEPS = (5.0, 20.0)  # pixels of the sensor from frame to frame
 
 
 @dataclass(frozen=True)
@@ -32,7 +26,6 @@ class SimulatedBurst:
     frames: their number, 1 to MOST_FRAMES. The first is the reference, which has not moved.
     pixels: of the sensor, by which the others are at most displaced.
     degrees: by which they are at most rotated.
-    moving: whether a thing moves through the scene.
     stops: exposure of each frame, 0 = the scene's own; () = all of them are.
     Raises InputError for figures that are negative, not finite or too large, and for another number of stops than frames.
     """
@@ -40,7 +33,6 @@ class SimulatedBurst:
     frames: int
     pixels: float = 0.0
     degrees: float = 0.0
-    moving: bool = False
     stops: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -62,83 +54,17 @@ class SimulatedBurst:
 
 
 @dataclass(frozen=True, eq=False)
-class MovingThing:
-    """A thing that moves evenly through a scene on its own: an opaque disc with a texture of the scene, in one strong colour.
-
-    texture: its light, (h, w, C); the disc is in the middle, surrounded by at least `RADIUS` pixels.
-    row, column: of its centre in the first frame, pixels.
-    radius: pixels.
-    step: pixels down and across from one frame to the next.
-    """
-
-    texture: FloatArray
-    row: float
-    column: float
-    radius: float
-    step: tuple[float, float]
-
-    @classmethod
-    def drawn(cls, rgb: FloatArray, margin: int, frames: int, pixel: int, rng: np.random.Generator) -> "MovingThing":
-        """A thing that stays within a scene for some frames.
-
-        rgb: the scene, (H, W, C).
-        margin: pixels at its border, of which the thing keeps clear.
-        frames: number of frames.
-        pixel: pixels of the scene, each way, that are one of the sensor.
-        """
-        shape = np.array(rgb.shape[:2])
-        radius = _SIZE / 2 * float((shape - 2 * margin).min())
-        room = shape - 2 * (margin + radius)  # for its centre
-        angle, speed = rng.uniform(0, 2 * math.pi), rng.uniform(*_STEPS) * pixel
-        way = speed * max(frames - 1, 1) * np.array([math.sin(angle), math.cos(angle)])
-        way *= min(1.0, *(room / np.maximum(np.abs(way), 1e-9)))
-        row, column = margin + radius + np.maximum(-way, 0) + rng.uniform(size=2) * (room - np.abs(way))
-        down, across = way / max(frames - 1, 1)
-        side = 2 * (math.ceil(radius) + RADIUS + 1) + 1
-        around = np.pad(rgb.mean(axis=2), (0, side), mode="symmetric")  # for scenes smaller than the texture
-        places = rng.integers(np.maximum(shape - side + 1, 1), size=(_TEXTURES, 2))
-        grey = max((around[top : top + side, left : left + side] for top, left in places), key=np.std)[::-1, ::-1].copy()
-        grey *= rgb.mean() / max(float(grey.mean()), 1e-9)
-        texture = grey[..., None] * rng.permutation(np.resize(_COLOUR, rgb.shape[2])).astype(np.float32)
-        return cls(texture, float(row), float(column), radius, (float(down), float(across)))
-
-    def place(self, frame: int) -> tuple[float, float]:
-        """Row and column of its centre in a frame, counted from 0, as the reference sees it."""
-        return self.row + frame * self.step[0], self.column + frame * self.step[1]
-
-    def before(self, rgb: FloatArray, frame: int) -> FloatArray:
-        """The scene with the thing in front of it, (H, W, C), when a frame, counted from 0, is taken."""
-        row, column = self.place(frame)
-        half = self.texture.shape[0] // 2
-        whole = round(row), round(column)
-        down, across = row - whole[0], column - whole[1]
-        texture = displaced(self.texture, Motion((down, across))).clip(0)
-        places = np.arange(-half, half + 1)
-        distance = np.hypot(places[:, None] - down, places - across)
-        covers = np.clip(self.radius + 0.5 - distance, 0, 1).astype(np.float32)[..., None]
-        seen = rgb.copy()
-        rows, columns = (slice(max(at - half, 0), at + half + 1) for at in whole)
-        inside = tuple(
-            slice(max(half - at, 0), max(half - at, 0) + n) for at, n in zip(whole, seen[rows, columns].shape, strict=False)
-        )
-        seen[rows, columns] += covers[inside] * (texture[inside] - seen[rows, columns])
-        return seen
-
-
-@dataclass(frozen=True, eq=False)
 class SimulatedFrame:
     """One frame of a burst.
 
     rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
     motion: where it sees what the reference sees, pixels of the sensor.
     stops: its exposure; None = it is no part of a bracket.
-    thing: (row, column, radius) of the moving thing at this time, pixels, as the reference would see it; None = there is none.
     """
 
     rgb: FloatArray
     motion: Motion = STILL
     stops: float | None = None
-    thing: tuple[float, float, float] | None = None
 
     @property
     def exposure(self) -> float:
@@ -163,12 +89,9 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
         return rgb
     rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
     whole = rgb[: rows * pixel, : columns * pixel]
-    mean = np.zeros((rows, columns, rgb.shape[2]), np.float32)
-    for row in range(pixel):
-        for column in range(pixel):
-            mean += whole[row::pixel, column::pixel]
-    mean /= pixel**2
-    return mean
+    parts = [whole[row::pixel, column::pixel] for row in range(pixel) for column in range(pixel)]
+    mean: FloatArray = sum(parts, np.zeros((rows, columns, rgb.shape[2]), np.float32))
+    return mean / np.float32(pixel**2)
 
 
 def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
@@ -192,7 +115,7 @@ def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generato
     """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are smaller than it.
 
     rgb: the scene, float32 (H, W, C), scene units.
-    rng: source of the motions, and of the thing that moves.
+    rng: source of the motions.
     pixel: pixels of the scene, each way, that are one of the sensor: the scene moves at its full size, and is averaged then.
     Raises InputError if nothing is left between the margins that the motion needs, or not one such pixel fits into the scene.
 
@@ -212,22 +135,12 @@ def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generato
             f"a burst with this motion loses {margin} pixels on each side of a scene of {whole[1] // pixel} x {whole[0] // pixel}: "
             "nothing is left; take a larger picture, or less motion"
         )
-    walk = tremor(burst, rng)
-    thing = MovingThing.drawn(scene, margin * pixel, burst.frames, pixel, rng) if burst.moving else None
-    for number, motion in enumerate(walk):
-        stops = burst.stops[number] if burst.stops else None
-        frame = SimulatedFrame(scene, motion, stops, _on_sensor(thing, number, margin, pixel) if thing else None)
-        light = thing.before(scene, number) if thing else scene
+    for number, motion in enumerate(tremor(burst, rng)):
+        light = scene
         if not motion.none:
             light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
         light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
-        yield replace(frame, rgb=reduced(light, pixel))
-
-
-def _on_sensor(thing: MovingThing, number: int, margin: int, pixel: int) -> tuple[float, float, float]:
-    """(row, column, radius) of the thing in pixels of the sensor, without the margin."""
-    row, column = ((place - (pixel - 1) / 2) / pixel - margin for place in thing.place(number))
-    return row, column, thing.radius / pixel
+        yield SimulatedFrame(reduced(light, pixel), motion, burst.stops[number] if burst.stops else None)
 
 
 def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) -> str:
@@ -248,13 +161,8 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
                 "across": frame.motion.shift[1],
                 "degrees": math.degrees(frame.motion.angle),
                 **({} if frame.stops is None else {"stops": frame.stops}),
-                **({} if frame.thing is None else {"thing": dict(zip(("row", "column", "radius"), frame.thing, strict=True))}),
             }
             for name, frame in frames.items()
         },
     }
-    if any(frame.thing for frame in frames.values()):
-        described["thing"] = (
-            "what moves on its own: row, column and radius of its disc as the reference would see it, from pixel (0, 0)"
-        )
     return json.dumps(described, indent=1) + "\n"

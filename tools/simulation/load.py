@@ -20,7 +20,8 @@ from shared.reading import MAX_PIXELS, opened_file
 from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 from tools.io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
-from tools.io.decoders import FORMATS, TIFF, PictureFormat, guarded
+from tools.io.decoded import PictureFormat, guarded
+from tools.io.decoders import FORMATS, TIFF
 from tools.io.dng_opcodes import remark_on_opcodes
 from tools.io.linear_dng import linear_dng_scene
 from tools.io.picture import gehler_shi_scene, picture_scene
@@ -28,10 +29,9 @@ from tools.io.scene import RGB, Scene, check_size, scene_channels
 
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
-from .drawn.spectral import spectral_scene
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
-_DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene, "spectral:": spectral_scene}
+_DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
 # Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames that do not clip.
 _EVEN = {"flat:": 1.0, "dark:": 0.0}
 _PIECE = 16 << 20
@@ -59,8 +59,7 @@ def load_scene(
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
         "chart:WxH" (see `chart_scene`),
-        "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to calibrate with),
-        "spectral:WxH", "spectral:WxH@A" (eight bands, under 5000 K or another light, see `spectral_scene`).
+        "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to calibrate with).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
     channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
@@ -182,13 +181,13 @@ def _misspelt(source: str) -> str:
 
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
-    size = re.fullmatch(r"(\d{1,6})x(\d{1,6})(?:@(\w+))?", source.removeprefix(kind))
-    if not size or (size[3] and kind != "spectral:"):
+    size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
+    if not size:
         raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
     if kind in _DRAWN:
-        return _DRAWN[kind](width, height, *filter(None, (size[3],)))
+        return _DRAWN[kind](width, height)
     wanted = scene_channels(channels)
     there = RGB if set(wanted) <= set(RGB) else wanted
     light = np.full((height, width, len(there)), _EVEN[kind], np.float32)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.io.decoders import Decoded, decode_array
+from tools.io.decoded import Decoded
+from tools.io.decoders import decode_array
 from tools.io.picture import picture_scene
 from tools.io.scene import Scene
 from tools.simulation.drawn.builtin import builtin_scene
@@ -25,9 +26,8 @@ from tools.simulation.load import load_scene
 from .burst import SimulatedFrame
 from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
-from .protocols import Protocol, SensorProtocol
-from .protocols.protocol import SensorLight, dimmed
-from .sensor import simulate_sensor, typical_noise
+from .noise import PaperProtocol, Protocol, SensorProtocol
+from .sensor import simulate_additive, simulate_sensor, typical_noise
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""
@@ -55,7 +55,7 @@ class Exposed:
     @cached_property
     def truth(self) -> FloatArray:
         """What the shot sees, in the units of a render of it, float32 (H, W, C); nothing is clipped."""
-        return dimmed(self.seen, self.white)
+        return _dimmed(self.seen, self.white)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,11 @@ class SimulatedCamera:
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
         calibration = self.lens.calibrated(self.before(scene, filters), (seen.shape[0], seen.shape[1]))
         metadata = frame.metadata(scene.metadata)
-        mosaic = self.protocol.expose(SensorLight(seen, white, self.pattern, calibration, metadata), rng)
+        if isinstance(self.protocol, PaperProtocol):
+            light, sigma = _dimmed(seen, white), self.protocol.level
+            mosaic = simulate_additive(light, self.pattern, calibration, sigma, rng, metadata)
+        else:
+            mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng, metadata)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
 
 
@@ -172,3 +176,8 @@ def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureM
     """The scene in linear light (H, W, C), in the colours of a calibration; negative light, which is noise, becomes 0."""
     light = np.maximum(rgb, 0)
     return Scene(light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels)
+
+
+def _dimmed(light: FloatArray, factor: float) -> FloatArray:
+    """Light times a factor; the same array for 1."""
+    return light if factor == 1 else light * np.float32(factor)

@@ -12,7 +12,7 @@ from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, collect, missing_cells, work
 from tools.evaluation.team import Team
 from tools.evaluation.tiles import Tile
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 

@@ -22,7 +22,7 @@ from tools.evaluation.crops import (
 from tools.evaluation.measures import WINDOW, window_origins
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study
-from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 
 INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
 

@@ -19,7 +19,7 @@ from tools.evaluation.study import Cell, Study
 from tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
 from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import FEW, judge
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)

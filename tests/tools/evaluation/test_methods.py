@@ -10,7 +10,7 @@ from tools.evaluation.methods import choose, default_names, methods
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.io.versions import package_version
 from tools.simulation.bayer import sample_bayer
-from tools.simulation.protocols import PaperProtocol
+from tools.simulation.noise import PaperProtocol
 
 NAMES = "paper best unlearned preview bilinear dlmmse dlmmse-wb dcb bm3d+dlmmse-wb"
 

@@ -23,8 +23,7 @@ from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.study import FOLDER, Cell, Study, collect, missing_cells, name_cell, work
 from tools.evaluation.team import Team, needed_memory
-from tools.simulation.protocols import PaperProtocol, SensorProtocol
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
 from tools.simulation.sensor import simulate_additive
 
 NOISY = PaperProtocol(0.03)

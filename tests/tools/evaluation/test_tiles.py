@@ -8,8 +8,8 @@ from shared.errors import InputError
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
+from tools.simulation.noise import PaperProtocol, SensorProtocol
 from tools.simulation.pattern_text import read_pattern
-from tools.simulation.protocols import PaperProtocol, SensorProtocol
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 BROADBAND = CfaPattern.with_block(("CM", "YC"), period=4)

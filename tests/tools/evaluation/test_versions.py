@@ -8,7 +8,7 @@ from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.study import MEASURING
 from tools.evaluation.tiles import Tile
-from tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 
 NOISY, DARK = PaperProtocol(0.02), SensorProtocol(0.25)
 # By the versions of the measurement, the protocol and the method.

@@ -1,30 +1,11 @@
 """Copies of files that are replaced."""
 
-import errno
-import os
-import shutil
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 
-from shared.errors import OutputError
 from shared.writing import write_durably
 from tools.io.backup import keep_old
-
-
-def test_an_old_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "shot.tif"
-    path.write_bytes(b"old")
-
-    def broken(*_: object) -> NoReturn:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr(os, "link", broken)  # so that it is copied
-    monkeypatch.setattr(shutil, "copyfileobj", broken)
-    with pytest.raises(OutputError, match=r"shot\.tif: cannot be read, to keep it as shot\.tif\.bak"):
-        keep_old(path)
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.usefixtures("links")

@@ -12,12 +12,10 @@ import rawpy
 import tifffile
 
 from shared.arrays import CodeArray, DoubleArray
-from shared.colorimetry import D50, D65_XY, adaptation, xyz
+from shared.colorimetry import D50, D65_XY, xyz
 from shared.errors import InputError
 from shared.lights import ILLUMINANTS
 from shared.pattern import BAYER_ORDERS
-from shared.white_balance import shades_of_grey
-from tests.python import run_python
 from tests.tools.io.files import ASCII, LINEAR_RAW, LONG, RATIONAL, SHORT, SRATIONAL, Fields, rationals, write_dng
 from tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
 from tools.io.scene import Scene
@@ -30,9 +28,6 @@ MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]
 def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
     """The scene in a DNG with these samples, quads as they are. Arguments: of `write_dng`."""
     return load_scene(write_dng(path / "a.dng", *arguments, **options), registered=False)
-
-
-PLACES = [(0, 1), (1, 0), (1, 1), (3, 2)]
 
 
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
@@ -61,37 +56,6 @@ def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path
     assert apart > 0.03
     assert left < 0.004  # the mean of two greens is a little less than the light between them
     np.testing.assert_array_equal(quads[..., 1], registered[..., 1])
-
-
-@pytest.mark.parametrize(
-    ("order", "top", "left"),
-    [(order, *place) for shift in (0, 1) for order, place in zip(BAYER_ORDERS, [*PLACES[shift:], *PLACES[:shift]], strict=True)],
-)
-def test_the_visible_area_may_begin_anywhere(tmp_path: Path, order: str, top: int, left: int) -> None:
-    """Every sample tells its filter, so that a wrong phase would show; LibRaw may begin later than the file says."""
-    phase = {"R": 1000, "G": 2000, "B": 3000}
-    samples = np.zeros((64, 72), np.uint16)
-    for row, column in np.ndindex(64, 72):
-        samples[row, column] = phase[order[(row - top) % 2 * 2 + (column - left) % 2]]
-    fields = {50829: (LONG, [top, left, 64, 72]), 50717: (SHORT, [4000])}
-    scene = loaded(tmp_path, samples, order, fields=fields)
-    np.testing.assert_array_equal(scene.rgb, np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), scene.rgb.shape))
-
-
-def test_each_colour_has_its_own_black(tmp_path: Path) -> None:
-    fields = {50713: (SHORT, [2, 2]), 50714: (SHORT, [100, 200, 300, 400]), 50717: (SHORT, [1400])}
-    samples = np.full((60, 80), 500, np.uint16)
-    scene = loaded(tmp_path, samples, "RGGB", fields=fields)
-    expected = (400 / 1300, (300 / 1200 + 200 / 1100) / 2, 100 / 1000)
-    np.testing.assert_allclose(scene.rgb, np.broadcast_to(expected, scene.rgb.shape), rtol=1e-6)
-
-
-def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: Path) -> None:
-    samples = np.full((60, 80), 90, np.uint16)
-    samples[:2, :2] = 2100
-    scene = loaded(tmp_path, samples, fields={50714: (SHORT, [100]), 50717: (SHORT, [1100])})
-    assert scene.rgb[1:, 1:].max() == 0
-    np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
 
 
 @pytest.mark.parametrize("matrix", [MATRIX, np.eye(3)], ids=["matrix", "unit"])
@@ -176,41 +140,6 @@ def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason:
 @pytest.mark.parametrize("neutral", [(0.5, 1.0, 0.7), (1.0, 0.8, 0.2)])
 def test_the_matrix_keeps_white_white(illuminant: tuple[float, float], neutral: tuple[float, ...]) -> None:
     np.testing.assert_allclose(np.array(camera_to_xyz(MATRIX, neutral, illuminant)) @ neutral, D50, atol=1e-12)
-
-
-def test_under_its_own_light_the_matrix_is_the_plain_inverse() -> None:
-    white = xyz(*D65_XY)
-    neutral = MATRIX @ white
-    found = np.array(camera_to_xyz(MATRIX, tuple((neutral / neutral.max()).tolist())))
-    np.testing.assert_allclose(found / neutral.max(), adaptation(white, D50) @ np.linalg.inv(MATRIX), atol=1e-12)
-
-
-def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
-    rgb = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)) * np.array([0.6, 1.0, 0.4])
-    rgb[:5] = 1.0
-    rgb[5:10] = (0.01, 0.001, 0.001)
-    assert shades_of_grey(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
-    assert shades_of_grey(np.ones((20, 20, 3), np.float32)) is None
-    assert shades_of_grey(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell
-
-
-READING = """
-import sys
-from importlib import import_module
-from tools.io import camera_raw
-for module in camera_raw.NEEDED:
-    import_module(module)
-before = set(sys.modules)
-camera_raw.unpack_quads(sys.argv[1], 1 << 20)
-print(*sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
-"""
-
-
-def test_reading_imports_no_package_while_its_time_is_counted(tmp_path: Path) -> None:
-    """Importing SciPy took longer than reading a small file may take: on a busy machine it was called damaged."""
-    samples = np.random.default_rng(0).integers(100, 4000, (60, 80), np.uint16)
-    samples[20:30, 20:30] = 65535  # clipped: to be made white
-    assert run_python(READING, write_dng(tmp_path / "a.dng", samples)) == "\n"
 
 
 # --- linear DNGs -----------------------------------------------------------------------------------------------------------------

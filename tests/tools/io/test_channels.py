@@ -52,15 +52,6 @@ def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
     assert named == ([] if kind == "exr" else [True])
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_integers_are_linear_light(tmp_path: Path, dtype: type) -> None:
-    codes: np.ndarray[Any, Any] = (LIGHT * np.iinfo(dtype).max).astype(dtype)
-    for path in (save(tmp_path / "a.npy", codes), pages(tmp_path / "a.tif", codes)):
-        scene = load(path)
-        np.testing.assert_allclose(scene.rgb, codes / np.iinfo(dtype).max, atol=1e-6)
-        assert ["linear light" in note for note in scene.notes] == [True]
-
-
 def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(tmp_path: Path) -> None:
     four, short = LIGHT[..., :4], (LIGHT[..., :4] * 65535).astype(np.uint16)
     tifffile.imwrite(tmp_path / "bands.tif", four, photometric="minisblack", planarconfig="contig")
@@ -100,37 +91,6 @@ def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
         load(save(tmp_path / "c.exr", LIGHT[..., :2], "NU"), "NV")
 
 
-@pytest.mark.parametrize(
-    ("count", "channels", "words"),
-    [
-        (5, "RGB", "has 5 channels, and the pattern the 3 channels RGB"),
-        (5, "VRNG", "has 5 channels, and the pattern the 4 channels VRNG"),
-        (4, BANDS, "has 4 channels, and the pattern the 5 channels VRNGU"),
-        (3, BANDS, "has 3 channels"),
-        (2, BANDS, "has 2 channels"),
-        (30, BANDS, "has 30 channels"),
-    ],
-)
-def test_both_counts_are_named_where_they_differ(tmp_path: Path, count: int, channels: str, words: str) -> None:
-    light = np.resize(LIGHT, (6, 8, count))
-    tifffile.imwrite(tmp_path / "a.tif", light, photometric="minisblack", planarconfig="contig")
-    for path in (save(tmp_path / "a.npy", light), tmp_path / "a.tif"):
-        with pytest.raises(InputError, match=words):
-            load(path, channels)
-    with pytest.raises(InputError, match=f"has {'26 pages or more' if count > 26 else f'{count} pages'}, and the pattern"):
-        load(pages(tmp_path / "pages.tif", light), channels)
-
-
-def test_pages_of_other_sizes_are_left_out(tmp_path: Path) -> None:
-    path = tmp_path / "a.tif"
-    with tifffile.TiffWriter(path) as file:
-        for size in (20, 10, 5):
-            file.write(np.full((size, size), 300, np.uint16), photometric="minisblack", contiguous=False)
-    scene = load(path, "RGB")
-    assert scene.shape == (20, 20)
-    assert "the file has several pages; only the first is used" in scene.notes
-
-
 def test_pages_count_as_channels_of_a_bomb(tmp_path: Path) -> None:
     """Each alone is a harmless even picture."""
     even = np.broadcast_to(np.uint16(0), (2000, 4000, 8))
@@ -146,9 +106,3 @@ def test_even_light_has_any_channels() -> None:
         assert (scene.rgb == value).all()
         assert load_scene(source, channels="CMY").channels == "RGB"
         assert load_scene(source, channels="CMYN").channels == "RGBN"
-
-
-def test_grey_pictures_have_all_channels_of_a_picture_alike(tmp_path: Path) -> None:
-    scene = load(save(tmp_path / "a.npy", LIGHT[..., 0]))
-    assert scene.channels == "RGB"
-    assert np.array_equal(scene.rgb, LIGHT[..., :1].repeat(3, axis=2))

@@ -5,15 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
-from tests.tools.io.files import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
+from tests.tools.io.files import RATIONAL, SHORT, rationals, write_dng
 from tools.io.clipped import saturation, with_white_highlights
-from tools.io.display import ColourTransform
 from tools.io.scene import Scene
 from tools.simulation.load import load_scene
-from tools.simulation.protocols import SensorProtocol
-from tools.simulation.simulated_camera import SimulatedCamera
 
 NEUTRAL = (0.5, 1.0, 0.625)
 TOP = 4000
@@ -57,29 +53,6 @@ def test_a_burnt_out_lamp_is_white_without_a_ring(tmp_path: Path, width: float, 
     assert colour(scene.rgb).max() <= max(1.1 * quads, 0.08)
     assert np.median(scene.rgb[clipped][:, 1]) > 0.9 * limit / TOP
     assert any("% of the pixels are clipped in the file: they are taken for white" in note for note in scene.notes)
-
-
-@pytest.mark.parametrize("amount", [1.0, 0.25, 1 / 16])
-def test_before_any_camera_a_clipped_lamp_is_grey_and_not_magenta(tmp_path: Path, amount: float) -> None:
-    scene = raw(tmp_path / "lamp.dng", bayer(lamp(6, (160, 180))))
-    shot = SimulatedCamera.of(CfaPattern.bayer(), protocol=SensorProtocol(amount)).shoot(scene, np.random.default_rng(0))
-    assert np.ptp(ColourTransform.to_space(shot.mosaic.calibration).apply(shot.truth)[40, 45]) < 1e-3
-
-
-def test_a_linear_dng_too(tmp_path: Path) -> None:
-    samples = (lamp(6) * TOP).clip(0, TOP).astype(np.uint16)
-    fields = {50714: (SHORT, [0] * 3), 50717: (SHORT, [TOP] * 3), 50728: (RATIONAL, rationals(NEUTRAL))}
-    scene = load_scene(write_dng(tmp_path / "lamp.dng", samples, kind=LINEAR_RAW, fields=fields))
-    assert colour(scene.rgb).max() < 0.02
-    assert scene.rgb.max() == pytest.approx(1 / min(NEUTRAL), rel=1e-3)
-    assert any("are clipped in the file" in note for note in scene.notes)
-
-
-def test_what_is_not_clipped_stays_and_nothing_is_said(tmp_path: Path) -> None:
-    samples = bayer(lamp(0.7))
-    scene = raw(tmp_path / "dim.dng", samples)
-    np.testing.assert_allclose(scene.rgb[..., 0], samples[::2, ::2] / TOP, atol=1e-6)
-    assert scene.notes == ("the camera's colour matrix is unknown: colours can be balanced, but not matched",)
 
 
 def test_a_saturated_colour_that_clips_in_one_channel_keeps_its_colour() -> None:

@@ -2,20 +2,18 @@
 
 import struct
 import zlib
-from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import imagecodecs
 import numpy as np
-import OpenEXR
 import pytest
 import tifffile
 from PIL import Image
 
 from shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
-from tests.tools.io.files import LINEAR_RAW, SHORT, write_dng
+from tests.tools.io.files import LINEAR_RAW, write_dng
 from tests.tools.io.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
 from tools.io.colour import P3_PRIMARIES, encode_srgb
 from tools.io.scene import Scene
@@ -26,7 +24,6 @@ BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
 ADOBE = ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06))
 RNG = np.random.default_rng(8)
 LIGHT = RNG.uniform(0.02, 0.4, (12, 16, 3))  # of BT.709's primaries: less than 1 in all others
-UNSAID = "nothing says how the values are encoded"
 
 
 def in_space(primaries: Any, light: Any = LIGHT) -> np.ndarray[Any, Any]:
@@ -126,24 +123,6 @@ def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], n
     assert len(scene.notes) == notes
 
 
-def test_a_chunk_that_is_not_used_is_named(tmp_path: Path) -> None:
-    chunks = {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0", "cLLI": bytes(8), "gAMA": gama(0)}
-    (note,) = load_scene(str(png(tmp_path / "a.png", SRGB_16, **chunks))).notes
-    assert "cICP 9 11 0 1" in note
-    assert "light levels" in note
-    (told,) = load_scene(str(png(tmp_path / "b.png", codes(in_space(ADOBE)), cHRM=chrm(ADOBE)))).notes
-    assert UNSAID in told
-    assert "the file's primaries" in told
-
-
-def test_linear_leaves_curves_out_and_keeps_primaries(tmp_path: Path) -> None:
-    path = png(tmp_path / "a.png", codes(in_space(BT2020)), cICP=b"\x09\x10\0\1")
-    scene = load_scene(str(path), linear=True)
-    check(scene)
-    assert len(scene.notes) == 1
-    assert "as requested" in scene.notes[0]
-
-
 # --- JPEG ------------------------------------------------------------------------------------------------------------------------
 
 BLOCKS = RNG.uniform(0.02, 0.4, (3, 4, 3)).repeat(8, axis=0).repeat(8, axis=1)
@@ -218,12 +197,6 @@ def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(tmp_path: Path, seg
     assert words in scene.notes[0]
 
 
-def test_a_jpeg_that_stores_rgb_is_no_ycc(tmp_path: Path) -> None:
-    stored = imagecodecs.jpeg8_encode(codes(SRGB_CODES, np.uint8), level=100, colorspace="RGB", outcolorspace="RGB")
-    (tmp_path / "a.jpg").write_bytes(stored)
-    check(load_scene(str(tmp_path / "a.jpg")), BLOCKS, 0.01)
-
-
 # --- TIFF ------------------------------------------------------------------------------------------------------------------------
 
 
@@ -260,37 +233,6 @@ def test_fields_of_tiff(tmp_path: Path, samples: Any, tags: list[Any], icc: byte
     assert len(scene.notes) == notes
 
 
-def test_exif_in_a_tiff_tells_adobe_rgb(tmp_path: Path) -> None:
-    Image.fromarray(codes(ADOBE_CODES, np.uint8)).save(tmp_path / "a.tif", exif=exif(2))
-    scene = load_scene(str(tmp_path / "a.tif"))
-    check(scene, BLOCKS, 0.01)
-    assert scene.notes == ()
-
-
-@pytest.mark.parametrize("bits", [8, 10, 12, 14])
-@pytest.mark.parametrize("suffix", [".tif", ".png", ".npy"])
-def test_samples_of_fewer_bits_in_wider_words_are_said_with_the_remedy(tmp_path: Path, bits: int, suffix: str) -> None:
-    samples, path = np.rint(LIGHT * 2 * ((1 << bits) - 1)).astype(np.uint16), tmp_path / f"a{suffix}"
-    writers: dict[str, Callable[[], Any]] = {
-        ".tif": lambda: tifffile.imwrite(path, samples, photometric="rgb"),
-        ".png": lambda: png(path, samples),
-        ".npy": lambda: np.save(path, samples),
-    }
-    writers[suffix]()
-    (note,) = (note for note in load_scene(str(path)).notes if UNSAID not in note)
-    assert f"have {bits} bits, the scene is {1 << 16 - bits} times too dark; multiply them by {1 << 16 - bits}" in note
-
-
-@pytest.mark.parametrize("tag", [281, 341])
-@pytest.mark.parametrize(("largest", "white", "words"), [(4095, 4095, "taken for white"), (3000, 65535, "12 bits")])
-def test_a_tiff_that_says_its_bits_has_its_white_there(tmp_path: Path, tag: int, largest: int, white: int, words: str) -> None:
-    samples = np.rint(LIGHT * 2 * 3000).astype(np.uint16)
-    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", extratags=[(tag, SHORT, 3, (largest,) * 3, True)])
-    scene = load_scene(str(tmp_path / "a.tif"))
-    np.testing.assert_allclose(scene.rgb, samples / white, rtol=1e-6)
-    assert sum(words in note for note in scene.notes) == 1
-
-
 # --- DNG and EXR -----------------------------------------------------------------------------------------------------------------
 
 
@@ -315,27 +257,3 @@ def test_corrections_that_a_dng_asks_for_are_said_in_one_note(tmp_path: Path, li
     assert np.array_equal(plain.rgb, asking.rgb)
     write_dng(tmp_path / "damaged.dng", samples, fields={51009: (7, b"\xff\xff\xff\xff\0\0")}, **options)
     assert load_scene(str(tmp_path / "damaged.dng")).notes == plain.notes
-
-
-def test_a_linearization_table_of_a_mosaic_is_applied(tmp_path: Path) -> None:
-    table = (np.arange(4096) * 3).tolist()
-    samples = RNG.integers(0, 4000, (60, 80)).astype(np.uint16)
-    path = write_dng(tmp_path / "a.dng", samples, fields={50712: (SHORT, table), 50717: (SHORT, [12285])})
-    np.testing.assert_allclose(load_scene(path, registered=False).rgb[..., 0], samples[::2, ::2] / 4095, rtol=1e-5)
-
-
-def test_other_channels_of_an_exr_are_said_in_one_note(tmp_path: Path) -> None:
-    planes = {name: np.full((5, 7), 0.5, np.float32) for name in ("R", "G", "B", "A", "Z")}
-    with OpenEXR.File({"chromaticities": (*np.ravel(BT2020).tolist(), *D65)}, planes) as file:
-        file.write(str(tmp_path / "a.exr"))
-    scene = load_scene(str(tmp_path / "a.exr"))
-    assert scene.notes == ("not used: channel A, channel Z",)
-    np.testing.assert_allclose(scene.camera_to_xyz, primaries_to_xyz(BT2020), atol=1e-6)
-
-
-def test_impossible_chromaticities_of_an_exr_are_said(tmp_path: Path) -> None:
-    with OpenEXR.File({"chromaticities": (0.3,) * 8}, {"RGB": np.full((5, 7, 3), 0.5, np.float32)}) as file:
-        file.write(str(tmp_path / "a.exr"))
-    scene = load_scene(str(tmp_path / "a.exr"))
-    assert scene.camera_to_xyz == SRGB_TO_XYZ
-    assert "chromaticities" in scene.notes[0]

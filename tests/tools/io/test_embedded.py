@@ -9,7 +9,7 @@ from PIL import Image, ImageCms
 
 from tools.io.colour import decode_srgb, encode_srgb
 from tools.io.display import SPACES
-from tools.io.embedded import icc_profile
+from tools.io.icc import icc_profile
 from tools.io.samples import quantise
 
 

@@ -11,7 +11,6 @@ import imagecodecs
 import numpy as np
 import OpenEXR
 import pytest
-import rawpy
 import tifffile
 from numpy.typing import NDArray
 from PIL import Image
@@ -22,8 +21,8 @@ from tests.exiftool import exiftool
 from tests.tools.io.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
 from tools.io.development import CAMERA, write_picture
 from tools.io.display import SPACES
-from tools.io.embedded import icc_profile
 from tools.io.formats import FORMATS
+from tools.io.icc import icc_profile
 from tools.io.kind import PictureKind
 from tools.io.samples import quantise
 
@@ -44,14 +43,6 @@ def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]
 
 
 # --- pixels ---------------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_the_order_of_an_array_in_memory_does_not_matter(kind: PictureKind) -> None:
-    rgb = scene((9, 7))
-    expected = encoded(rgb, kind).getvalue()
-    for other in (np.asfortranarray(rgb), np.dstack([rgb, rgb])[..., :3], rgb.astype(rgb.dtype.newbyteorder())):
-        assert encoded(other, kind).getvalue() == expected
 
 
 def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
@@ -81,22 +72,6 @@ def test_without_loss_every_sample_comes_back(kind: PictureKind, shape: tuple[in
     found = read(encoded(rgb, kind), kind, tmp_path)
     assert found.dtype == np.dtype(f"{'float' if floating else 'uint'}{kind.bits}")
     assert np.array_equal(found, expected.astype(found.dtype) if floating else quantise(expected, kind.bits))
-
-
-@pytest.mark.parametrize("calibration", [FOUR, SensorCalibration(channels="CE")], ids=lambda each: each.channels)
-def test_float_tiff_holds_any_channels(calibration: SensorCalibration) -> None:
-    rgb = scene((33, 7), len(calibration.channels))
-    with tifffile.TiffFile(encoded(rgb, PictureKind.of("tif", 32, CAMERA), calibration=calibration)) as tiff:
-        assert tiff.pages.first.tags["Orientation"].value == 6
-        assert tiff.asarray().tobytes() == rgb.tobytes()
-
-
-@pytest.mark.parametrize("space", ["srgb", "display-p3"])
-@pytest.mark.parametrize("shape", SIZES)
-def test_jpeg_is_close(shape: tuple[int, int], space: str) -> None:
-    rgb = np.full((*shape, 3), (0.2, 0.5, 0.1), np.float32)
-    read = np.asarray(Image.open(encoded(rgb, PictureKind("jpg", 8, space)))).astype(int)
-    assert np.abs(read - quantise(shown(rgb, space, 6), 8)).max() <= 3
 
 
 def test_jpeg_keeps_colour_at_full_resolution() -> None:
@@ -151,20 +126,6 @@ def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated(
     assert np.array_equal(codes[60:], np.rint(rgb[60:] * np.float32(65535)).clip(0, 65535).astype(np.uint16))
 
 
-def test_a_raw_developer_sees_the_white_we_see(tmp_path: Path) -> None:
-    levels = np.linspace(0.1, 1.0, 32, dtype=np.float32)
-    grey = np.full((24, 32, 3), (0.5, 1.0, 0.7), np.float32) * levels[:, None]
-    path = tmp_path / "grey.dng"
-    path.write_bytes(encoded(grey, PictureKind.of("dng"), 1).getvalue())
-    with rawpy.imread(str(path)) as raw:
-        developed = raw.postprocess(
-            use_camera_wb=True, no_auto_bright=True, gamma=(1, 1), output_bps=16, output_color=rawpy.ColorSpace.sRGB
-        )
-    light = developed[12] / 65535
-    # LibRaw scales its multipliers in sixteen bits; a per cent is far below what would tint a grey.
-    np.testing.assert_allclose(light, np.repeat(levels[:, None], 3, axis=1), rtol=0.01)
-
-
 # --- what goes along ------------------------------------------------------------------------------------------------------------
 
 
@@ -205,12 +166,6 @@ def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
 def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
     for kind in KINDS:
         assert encoded(scene((3, 4)), kind, calibration=SensorCalibration(), metadata=CaptureMetadata()).getvalue()
-
-
-def test_exposure_reaches_the_file() -> None:
-    kind, rgb = PictureKind.of("npy", space="linear-srgb"), scene((3, 3))
-    plain, brighter = (np.load(encoded(rgb, kind, exposure=stops)) for stops in (0.0, 1.0))
-    np.testing.assert_allclose(brighter, 2 * plain, rtol=1e-6)
 
 
 # --- what can be chosen ---------------------------------------------------------------------------------------------------------
@@ -274,20 +229,6 @@ def test_what_would_fail_after_the_render_is_known_before(
         development(kind, shape, calibration=calibration, exposure=exposure).check()
     with pytest.raises(InputError, match=message):
         encoded(np.zeros((*shape, len(calibration.channels)), np.float32), kind, calibration=calibration, exposure=exposure)
-
-
-def test_what_is_no_picture_is_refused() -> None:
-    for rgb in (np.zeros((4, 4), np.float32), np.zeros((4, 4, 4), np.float32), np.full((4, 4, 3), np.nan, np.float32)):
-        for kind in KINDS:
-            with pytest.raises(InputError, match="picture"):
-                encoded(rgb, kind)
-
-
-def test_too_long_a_description_is_refused_by_jpeg_alone() -> None:
-    metadata = replace(METADATA, description="x" * 70000)
-    with pytest.raises(InputError, match=r"capture data fill 7\d{4} bytes, a JPEG holds at most"):
-        encoded(scene((4, 4)), PictureKind.of("jpg"), metadata=metadata)
-    assert encoded(scene((4, 4)), PictureKind.of("png"), metadata=metadata)
 
 
 def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -7,18 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rawpy
-from tifffile import TiffFile, TiffPage
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
-from shared.dng import codec, decode_dng, decode_preview, read_metadata
-from shared.dng.exif import text
+from shared.dng import codec
 from shared.dng.tags import TAG
 from shared.errors import InputError
 from shared.tiff import FieldType
-from shared.tiff_reading import read_directories
 from tests.exiftool import exiftool
-from tests.shared.dng.examples import METADATA
 from tests.tools.io.examples import picture_dng
 
 PATCH = 16
@@ -53,42 +49,12 @@ def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(shape: tupl
         assert raw.sizes.flip == 6  # LibRaw's word for orientation 6
 
 
-@pytest.mark.parametrize("copies", [1, 3])
-def test_tifffile_reads_the_very_codes(copies: int) -> None:
-    rgb = np.tile(patches(), (copies, 1, 1))[:, :-5]
-    with TiffFile(BytesIO(picture_dng(rgb))) as file:
-        page = file.pages.first.pages[0]
-        assert isinstance(page, TiffPage)
-        codes, tile = page.asarray(), page.tilewidth
-    np.testing.assert_array_equal(codes, np.rint(rgb * 65535).astype(np.uint16))
-    assert tile <= rgb.shape[1], "RawTherapee shears tiles that are wider than the picture"
-
-
-@pytest.mark.parametrize("neutral", [np.ones(3), NEUTRAL])
-def test_nominal_colours_are_kept_and_white_balanced(neutral: DoubleArray) -> None:
-    camera = (patches() * neutral).astype(np.float32)
-    shown = developed(picture_dng(camera, None, neutral))
-    np.testing.assert_allclose(shown, patches()[::PATCH, ::PATCH], atol=QUANTISED)
-
-
 def test_calibrated_colours_are_kept() -> None:
     crosstalk = np.array([[1.2, -0.1, -0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])  # white to white
     camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
     camera = (patches(0.3, 0.7) * NEUTRAL).astype(np.float32)
     shown = developed(picture_dng(camera, camera_to_xyz, NEUTRAL))
     np.testing.assert_allclose(shown, (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH], atol=QUANTISED)
-
-
-def test_colour_tags() -> None:
-    camera_to_xyz = SRGB_TO_XYZ / NEUTRAL
-    with TiffFile(BytesIO(picture_dng(patches(), camera_to_xyz, NEUTRAL * 3))) as file:
-        tags = file.pages.first.tags
-        matrix, light, neutral = tags[50721].value, tags[50778].value, tags[50728].value
-    to_camera = np.array(matrix[::2]).reshape(3, 3) / np.array(matrix[1::2]).reshape(3, 3)
-    product = to_camera @ camera_to_xyz
-    np.testing.assert_allclose(product, product[0, 0] * np.eye(3), atol=1e-6)
-    assert light == 23  # D50
-    np.testing.assert_allclose(np.array(neutral[::2]) / np.array(neutral[1::2]), NEUTRAL, atol=1e-6)
 
 
 def test_a_picture_that_is_not_finite_is_refused() -> None:
@@ -110,19 +76,6 @@ def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
 
 def _entry(tag: int, value: int) -> bytes:
     return struct.pack("<HHII", tag, FieldType.LONG, 1, value)
-
-
-def test_a_rendered_picture_is_no_mosaic() -> None:
-    rendering = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
-    with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):
-        decode_dng(rendering)
-    assert decode_preview(rendering).startswith(b"\xff\xd8")
-
-
-def test_the_source_is_known_and_the_camera_ours() -> None:
-    rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
-    assert read_metadata(BytesIO(rendered)) == METADATA
-    assert text(read_directories(BytesIO(rendered), {TAG["Model"]}).main, TAG["Model"]) == "Panchroma render"
 
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:

@@ -2,8 +2,6 @@
 
 import io
 import json
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +20,7 @@ from tests.tools.io.examples import KINDS as ALL_KINDS
 from tools.io.display import SPACES, ColourTransform
 from tools.io.formats.uhdr import GainMap
 from tools.io.kind import PictureKind
-from tools.io.samples import display_codes, quantise, upright
+from tools.io.samples import quantise, upright
 
 # --- Ultra HDR -------------------------------------------------------------------------------------------------------------------
 
@@ -88,44 +86,6 @@ def test_a_display_as_bright_as_the_highlights_shows_all_of_them() -> None:
     assert dim.max() < 0.6 * bright.max()
 
 
-def test_a_clipped_lamp_is_white_and_bright() -> None:
-    """Channels that all read the same, as where a sensor clips, are magenta in linear light."""
-    rgb = np.full((32, 32, 3), 2.0, np.float32)
-    seen, expected = hdr(encoded(rgb, PictureKind.of("uhdr")).getvalue())[16, 16], light(rgb, "srgb", 0)[16, 16]
-    assert expected[0] > 1.9 * expected[1]
-    np.testing.assert_allclose(seen, np.full(3, luminance(expected, "srgb")), rtol=STEP)
-
-
-@pytest.mark.parametrize("restored", [True, False])
-def test_a_lamp_past_all_limits_is_white_on_every_display(restored: bool) -> None:
-    """So dark that even the brightest light the sensor measures would be grey."""
-    lamp = np.full((32, 32, 3), 12.0, np.float32) * np.array(CALIBRATION.neutral, np.float32)
-    data = encoded(lamp, PictureKind.of("uhdr"), exposure=-5.0, restored=restored).getvalue()
-    assert np.asarray(Image.open(io.BytesIO(data))).min() >= 254
-    np.testing.assert_allclose(hdr(data), 1, rtol=STEP)
-
-
-def test_without_highlights_every_display_shows_the_same() -> None:
-    rgb = scene((64, 64)).clip(0, 0.4)
-    for quality in (None, 30):
-        data = encoded(rgb, PictureKind.of("uhdr", quality=quality)).getvalue()
-        gains = np.asarray(Image.open(io.BytesIO(data[data.index(b"\xff\xd9\xff\xd8") + 2 :])))
-        assert (gains == 0).all()
-
-
-def test_the_range_is_that_of_the_sensor() -> None:
-    shown = ColourTransform.to_space(CALIBRATION)
-    gains = GainMap(shown)  # a white of which red reads half as much as green
-    assert gains.headroom == pytest.approx(6)
-    assert [gains.capacity(code) for code in (0, 51, 255)] == pytest.approx([1, 1, np.log2(6)])
-    assert GainMap(ColourTransform.to_space(SensorCalibration())).headroom == pytest.approx(3)
-    brighter, darker = (GainMap(shown, stops) for stops in (2.0, -1.0))
-    assert (brighter.highest, brighter.capacity(255)) == pytest.approx((np.log2(24), np.log2(24)))
-    assert (darker.highest, darker.capacity(255)) == pytest.approx((np.log2(3), np.log2(3)))
-    burnt = np.full((2, 2, 3), 100.0, np.float32)
-    assert (gains.codes(burnt, display_codes(burnt, gains.shown, 8)) >= 250).all()
-
-
 def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     path = tmp_path / "picture.jpg"
     path.write_bytes(encoded(highlights(), PictureKind.of("uhdr")).getvalue())
@@ -165,25 +125,6 @@ def smooth() -> FloatArray:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_older_decoders_read_it(kind: PictureKind, tmp_path: Path) -> None:
-    """Those of libjxl 0.7, which Linux distributions have, stumbled over negative values in floating point."""
-    if shutil.which("djxl") is None:
-        pytest.skip("djxl is not installed")
-    rgb = 4 * scene((300, 400))
-    assert samples(rgb, PictureKind("jxl", 32, "linear-srgb")).min() < 0
-    written, read = tmp_path / "picture.jxl", tmp_path / ("picture.pfm" if kind.bits == 32 else "picture.png")
-    written.write_bytes(encoded(rgb, kind).getvalue())
-    done = subprocess.run(["djxl", written, read], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    expected, data = samples(rgb, kind), read.read_bytes()
-    if kind.bits < 32:
-        assert np.array_equal(imagecodecs.png_decode(data), expected)
-    else:
-        order = "<" if data.split(b"\n", 3)[2].startswith(b"-") else ">"
-        assert np.array_equal(np.frombuffer(data[-expected.nbytes :], f"{order}f4").reshape(expected.shape)[::-1], expected)
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> None:
     """The reader makes them from JPEG XL's own, as the codec has labelled them."""
     sizes = []
@@ -200,15 +141,6 @@ def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> N
 def test_quality_100_is_without_loss() -> None:
     plain, best = (encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)).getvalue() for quality in (None, 100))
     assert plain == best
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_size_and_level_are_seen(kind: PictureKind, tmp_path: Path) -> None:
-    path = tmp_path / "picture.jxl"
-    path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
-    (found,) = json.loads(exiftool("-j", "-n", "-ImageWidth", "-ImageHeight", "-FileType", "-warning", path))
-    assert (found["ImageWidth"], found["ImageHeight"], found["FileType"]) == (5, 6, "JXL")
-    assert "Warning" not in found
 
 
 def test_without_the_codec_it_is_refused_before_anything_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:

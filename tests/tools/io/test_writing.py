@@ -8,13 +8,12 @@ import pytest
 from PIL import Image, ImageOps
 
 from shared.arrays import FloatArray
-from shared.errors import ConvergenceError, InputError, OutputError
+from shared.errors import ConvergenceError, OutputError
 from tests.tools.io.examples import KINDS, development, encode_picture, scene
-from tools.io.colour import decode_srgb, encode_srgb
 from tools.io.development import CAMERA, write_picture
 from tools.io.formats import FORMATS
 from tools.io.kind import PictureKind
-from tools.io.samples import quantise, regrouped, upright
+from tools.io.samples import quantise, upright
 
 
 def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:
@@ -82,25 +81,7 @@ def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_pat
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("heights", [[], [5], [64], [1, 63, 64, 65], [7] * 30, [200]])
-def test_regrouped_rows_are_the_same_rows(heights: list[int]) -> None:
-    rows = np.arange(sum(heights) * 3).reshape(-1, 1, 3)
-    bands = np.split(rows, np.cumsum(heights)[:-1]) if heights else []
-    found = list(regrouped(bands, 64))
-    assert [len(band) for band in found] == [64] * (len(rows) // 64) + [len(rows) % 64] * (len(rows) % 64 > 0)
-    if found:
-        assert np.array_equal(np.concatenate(found), rows)
-
-
 # --- codes ------------------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("bits", [8, 16])
-def test_every_code_survives_the_way_to_light_and_back(bits: int) -> None:
-    codes = np.arange(1 << bits)
-    encoded = (codes / codes[-1]).astype(np.float32)
-    assert (quantise(encoded, bits) == codes).all()
-    assert (quantise(encode_srgb(decode_srgb(encoded).astype(np.float32)), bits) == codes).all()
 
 
 def test_quantising_rounds_and_clips() -> None:
@@ -116,9 +97,3 @@ def test_upright_is_what_other_programs_show(orientation: int) -> None:
     image = Image.fromarray(samples)
     image.getexif()[274] = orientation
     assert np.array_equal(upright(samples, orientation), np.asarray(ImageOps.exif_transpose(image)))
-
-
-@pytest.mark.parametrize("orientation", [0, 9])
-def test_an_orientation_that_does_not_exist_is_refused(orientation: int) -> None:
-    with pytest.raises(InputError, match="1 to 8"):
-        upright(np.zeros((2, 2, 3)), orientation)

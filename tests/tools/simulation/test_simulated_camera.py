@@ -12,8 +12,8 @@ from shared.errors import InputError
 from tools.evaluation.cameras import CameraPair
 from tools.io.scene import Scene, scene_channels
 from tools.simulation.bayer import sample_bayer
-from tools.simulation.filters import Filters, filters_for
-from tools.simulation.protocols import PROTOCOLS, PaperProtocol, Protocol, SensorProtocol, chosen_protocol
+from tools.simulation.filters import filters_for
+from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol, chosen_protocol
 from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
 
 RNG = np.random.default_rng(5)
@@ -25,15 +25,6 @@ def scene_of(channels: str = "RGB", **fields: object) -> Scene:
 
 def pattern_of(block: str) -> CfaPattern:
     return CfaPattern.with_block(tuple(block.split("/")), 6)
-
-
-def test_a_scene_s_own_channels_pass_as_they_are() -> None:
-    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(0.5, 1.0, 0.7))
-    filters = filters_for(pattern_of("RG/GB"), scene)
-    assert filters == Filters("RGB", as_rows(np.eye(3)), (1.0, 1.0, 1.0))
-    assert filters.of(scene.rgb) is scene.rgb
-    assert filters.colours(scene) == (SRGB_TO_XYZ, (0.5, 1.0, 0.7))
-    assert filters.noise == typical_noise(SensorCalibration())  # not a bit else
 
 
 def test_channels_are_in_the_order_of_the_pattern() -> None:
@@ -84,13 +75,6 @@ def test_colours_come_back_through_the_filters(block: str, known: bool, neutral:
     matrix, seen = filters.colours(scene)
     np.testing.assert_allclose(filters.of(scene.rgb) @ np.transpose(matrix), scene.rgb @ to_xyz.T, atol=1e-5)
     np.testing.assert_allclose(np.array(matrix) @ seen, D50, atol=1e-9)
-
-
-def test_colours_that_filters_cannot_tell_apart_are_unknown() -> None:
-    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(1.0, 1.0, 1.0))
-    assert filters_for(pattern_of("RC"), scene).colours(scene) == (None, (1.0, 1.0))
-    bands = scene_of("NVUR", neutral=(1.0,) * 4)
-    assert filters_for(pattern_of("NU/VR"), bands).colours(bands)[0] is None
 
 
 @pytest.mark.parametrize(
@@ -148,12 +132,6 @@ def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) 
     np.testing.assert_allclose(codes, np.rint(codes), atol=2e-3)  # 12 bits, through float32
 
 
-def test_sensors_clip_at_white() -> None:
-    bright = pair(SensorProtocol(1.0), RGB * 10)
-    assert bright.bayer.samples.max() == 1.0
-    assert bright.sparse.signal.max() == pytest.approx(3.0)
-
-
 def test_levels_are_ordered_by_noise_checked_and_named() -> None:
     assert [each.level for each in PaperProtocol.levels([0.03, 0.0, 0.01, 0.01])] == [0.0, 0.01, 0.03]
     assert [each.level for each in SensorProtocol.levels([0.25, 1.0])] == [1.0, 0.25]
@@ -166,20 +144,6 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
     for level in (0.0, np.inf):
         with pytest.raises(InputError, match=r"`light` is .* expected"):
             SensorProtocol.levels([level])
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS.values())
-def test_every_protocol_speaks_for_itself(protocol: type[Protocol]) -> None:
-    """Options, figures and reports ask a protocol for nothing that it does not say; its levels go from little noise to much."""
-    levels = protocol.levels()
-    assert [each.level for each in levels] == list(protocol.usual)
-    assert protocol.places(levels) == sorted(protocol.places(levels))
-    said = [getattr(protocol, name) for name in ("option", "metavar", "help", "summary", "unit", "equal_noise", "conditions")]
-    assert all(isinstance(each, str) and each for each in said)
-    noise = [(pair(level).bayer.samples - sample_bayer(RGB)).std() for level in levels]
-    assert noise == sorted(noise)
-    assert chosen_protocol(protocol.name, {protocol.option: 0.5}) == (protocol, 0.5)
-    assert chosen_protocol(None, {protocol.option: 0.5}) == (protocol, 0.5)
 
 
 def test_the_level_of_another_protocol_is_refused() -> None:

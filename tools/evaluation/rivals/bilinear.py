@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from tools.simulation.bayer import channel_map
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 from ..method import Method
 

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 from ..cameras import with_balance
 from ..method import Method

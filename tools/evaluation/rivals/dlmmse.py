@@ -9,7 +9,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 from tools.simulation.bayer import channel_map
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 from ..cameras import with_balance
 from ..method import Method

@@ -13,7 +13,7 @@ from shared.arrays import FloatArray
 from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from shared.tiff import FieldType
 from tools.simulation.bayer import ORDER
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 from ..cameras import with_balance
 from ..method import Method

@@ -19,7 +19,7 @@ from shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.reading import read_text, read_whole
 from tools.simulation.bayer import channel_map
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 from ..method import Method
 

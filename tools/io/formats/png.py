@@ -13,7 +13,7 @@ from shared.tiff import encode_tiff
 
 from ..development import Development
 from ..display import SPACES
-from ..embedded import icc_profile
+from ..icc import icc_profile
 from .format import Format
 
 _START = 8 + 25  # signature and IHDR

@@ -60,9 +60,10 @@ class Image:
         quality: of a JPEG, 1 to 100; 95 by default.
         overwrite: replace an existing file.
         """
-        from tools.io.embedded import icc_profile, picture_directory
+        from tools.io.embedded import picture_directory
         from tools.io.formats.jpg import encode_jpeg
         from tools.io.formats.png import encode_png
+        from tools.io.icc import icc_profile
 
         match Path(path).suffix.lower():
             case ".png" if quality is None:

@@ -14,7 +14,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
 from tools.simulation.lens import Lens
-from tools.simulation.protocols import chosen_protocol
+from tools.simulation.noise import chosen_protocol
 from tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
 from .arguments import checked
@@ -43,8 +43,7 @@ def simulate(
 
     scene: one of
         the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG, JPEG, EXR, NPY),
-        "builtin:1800x1200", leaves and charts of any size, the smaller the finer, or "spectral:600x400", in eight channels H I J K
-            L N O P,
+        "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
         an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider integers are linear light too,
             white is their largest value,
         a `Picture`, such as the truth of another shot.

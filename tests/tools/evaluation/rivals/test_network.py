@@ -13,7 +13,7 @@ from tools.evaluation.methods import choose
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.simulation.bayer import sample_bayer
 from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green

@@ -15,8 +15,7 @@ from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
 from tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
 from tools.simulation.bayer import ORDER, sample_bayer
-from tools.simulation.protocols import PaperProtocol
-from tools.simulation.protocols.protocol import BayerShot
+from tools.simulation.noise import BayerShot, PaperProtocol
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
 WHITE = np.ones(3, np.float32)

@@ -14,16 +14,16 @@ from shared import CaptureMetadata
 from shared.errors import InputError
 from shared.tiff_reading import read_directories
 
-from ..encoding import ADOBE_RGB, SRGB, Encoding
-from ..icc_reading import read_profile
-from ..scene import RGB, scene_channels
+from .encoding import ADOBE_RGB, SRGB, Encoding
+from .icc import read_profile
+from .scene import RGB, scene_channels
 
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency
 MOST_PAGES = 26
 """Pages of a file that are taken together: one more than a pattern has channels."""
 _COLOR_SPACE, _INTEROPERABILITY_INDEX = 40961, 1  # Exif tags
 _UNCALIBRATED = "Exif says that the colours are not those of sRGB, and not which they are; sRGB's are assumed"
-_UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
+_UNREADABLE_PROFILE = "the embedded colour profile is damaged; it is ignored"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,6 @@ from shared.dng import read_metadata
 from shared.errors import InputError
 from shared.tiff_check import PLAIN, check_directories
 
-from ..encoding import SRGB, Curve, Encoding, space_of, table_curve
-from ..file_size import check_pieces, data_bytes
-from ..scene import RGB, check_size
 from .decoded import (
     MOST_PAGES,
     Decoded,
@@ -26,6 +23,9 @@ from .decoded import (
     remark_on_unused,
     without_alpha,
 )
+from .encoding import SRGB, Curve, Encoding, space_of, table_curve
+from .file_size import check_pieces, data_bytes
+from .scene import RGB, check_size
 
 # Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
 _ICC_PROFILE, _TRANSFER, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND = 34675, 301, 318, 319, 281, 341
@@ -167,4 +167,4 @@ def _page_pixels(page: Any) -> NDArray[Any]:
 
 
 # A DNG begins as a TIFF does, and so do most camera RAWs: see `load_scene`.
-FORMAT = PictureFormat("TIFF", rb"II\*\0|MM\0\*|II\+\0|MM\0\+", (".tif", ".tiff"), decode_tiff)
+TIFF = PictureFormat("TIFF", rb"II\*\0|MM\0\*|II\+\0|MM\0\+", (".tif", ".tiff"), decode_tiff)

@@ -13,10 +13,9 @@ from shared.arrays import BoolArray, DoubleArray
 from shared.colorimetry import D50
 from shared.lights import illuminant_xy, temperature
 from tools.io.scene import Scene
-
-from .builtin import Drawing, leaves_and_charts
-from .charts import Paints, colour_star, detail_chart, ink, patches_chart
-from .dead_leaves import Materials
+from tools.simulation.drawn.builtin import Drawing, leaves_and_charts
+from tools.simulation.drawn.charts import Paints, colour_star, detail_chart, ink, patches_chart
+from tools.simulation.drawn.dead_leaves import Materials
 
 BANDS = "HIJKLNOP"  # short to long wavelengths; letters that no other filter has
 CENTRES = np.arange(420.0, 666.0, 35.0)  # nm; each band fades to nothing at the centres of its neighbours

@@ -1,0 +1,268 @@
+"""Noise of a simulated camera: the paper's, additive and Gaussian (sigma), or a sensor's, by the amount of light."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.errors import InputError
+
+from .sensor import TYPICAL_READ, TYPICAL_SHOT
+
+_BITS = 12
+_BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
+
+
+@dataclass(frozen=True, eq=False)
+class BayerShot:
+    """What a Bayer sensor measured.
+
+    Attributes
+    ----------
+    samples : float32 (H, W)
+        Scene units.
+    shot, read : float
+        Their noise, variance = shot * signal + read**2, scene units.
+
+    """
+
+    samples: FloatArray
+    shot: float
+    read: float
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A kind of noise, at one strength: see `PaperProtocol` and `SensorProtocol`.
+
+    Attributes
+    ----------
+    level : float
+        How strong it is, in the unit of the kind.
+    name, option, metavar, help, summary : str
+        Of the kind; its level's option and argument; what both say in help texts.
+    default, usual : float, tuple of float
+        Level of one shot where none is given; levels of an evaluation.
+    unit : str
+        Of the level, its name first.
+    headroom, bits : bool, int
+        Samples above white are kept; bits of a sample in an evaluation.
+    equal_noise, conditions : str
+        What is equal for all patterns; what the noise is, and what is equal for a Bayer camera.
+
+    """
+
+    level: float
+
+    name: ClassVar[str]
+    option: ClassVar[str]
+    metavar: ClassVar[str]
+    help: ClassVar[str]
+    summary: ClassVar[str]
+    default: ClassVar[float]
+    usual: ClassVar[tuple[float, ...]]
+    unit: ClassVar[str]
+    headroom: ClassVar[bool]
+    bits: ClassVar[int]
+    equal_noise: ClassVar[str]
+    conditions: ClassVar[str]
+
+    noisy = True
+    """There is noise at this level."""
+    clear = True
+    """There may be so little noise that methods made for clean pictures are at their best."""
+    light = 1.0
+    """Light that a shot records, as a multiple of the scene's."""
+
+    @classmethod
+    def levels(cls, wanted: Iterable[float] | None = None) -> tuple[Self, ...]:
+        """Return the noise at each level once, in order of rising noise; None = the usual ones. Raises InputError."""
+        levels = dict.fromkeys(cls.usual if wanted is None else wanted)
+        return tuple(sorted(map(cls, levels), key=lambda each: each.noisiness))
+
+    @classmethod
+    def places(cls, levels: Sequence["Protocol"]) -> list[float]:
+        """Return where levels lie along the axis of a plot: evenly."""
+        return [float(place) for place in range(len(levels))]
+
+    @property
+    def axis(self) -> str:
+        """Name of the level along an axis."""
+        return self.unit.partition(",")[0]
+
+    @property
+    def tick(self) -> str:
+        """The level beside an axis."""
+        return f"{self.level:g}"
+
+    @property
+    def text(self) -> str:
+        """The level in a sentence."""
+        return f"{self.axis} {self.tick}"
+
+    @property
+    def noisiness(self) -> float:
+        """Rises with the noise."""
+        return self.level
+
+    @property
+    def identity(self) -> list[str | float]:
+        """What tells its shots apart from others at the same level: the name, and a number to raise when shots change."""
+        return [self.name, 1]
+
+    def scaled(self, unit: float) -> "Protocol":
+        """Return the same noise for a sensor with other filters, `unit` of whose scene units are one of R, G and B filters'."""
+        return self
+
+    def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
+        """Return the shot of a Bayer sensor, in scene units under full light, from samples without noise."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class PaperProtocol(Protocol):
+    """Additive Gaussian noise on every sample; nothing is clipped or quantised (section 4).
+
+    `level` is its standard deviation, scene units of a camera with red, green and blue filters.
+    Raises InputError for a negative one.
+    """
+
+    name = "paper"
+    option = "sigma"
+    metavar = "S"
+    help = "additive Gaussian noise: its standard deviation, scene units"
+    summary = "additive Gaussian noise, no clipping"
+    default = 0.0
+    usual = (0.0, 0.01, 0.02, 0.03)
+    unit = "sigma, scene units"
+    headroom = True
+    bits = 16
+    equal_noise = "with noise that is the same fraction of what a panchromatic pixel reads in white"
+    conditions = "additive Gaussian, equally strong on every sample, nothing clipped or quantised"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.level < np.inf:
+            raise InputError(f"`sigma` is {self.level}, expected 0 or more")
+
+    @classmethod
+    def places(cls, levels: Sequence[Protocol]) -> list[float]:
+        """Return where levels lie along the axis of a plot: in proportion."""
+        return [each.level for each in levels]
+
+    @property
+    def text(self) -> str:
+        """The level in a sentence."""
+        return super().text if self.level else "no noise"
+
+    @property
+    def noisy(self) -> bool:  # type: ignore[override]
+        """There is noise at this level."""
+        return self.level > 0
+
+    @property
+    def clear(self) -> bool:  # type: ignore[override]
+        """There is no noise at this level."""
+        return self.level == 0
+
+    def scaled(self, unit: float) -> Protocol:
+        """Return the same fraction of what a panchromatic pixel reads in white: see `Protocol.scaled`."""
+        return replace(self, level=self.level * unit)
+
+    def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
+        """Return a shot with the same noise on every sample: see `Protocol.bayer`."""
+        if self.level:
+            samples = samples + (self.level * rng.standard_normal(samples.shape)).astype(np.float32)
+        return BayerShot(samples, 0.0, self.level)
+
+
+@dataclass(frozen=True)
+class SensorProtocol(Protocol):
+    """Shot noise and read noise of a small modern sensor, or of the camera's calibration; clipped and quantised.
+
+    Sparse-colour and Bayer camera have the same pixels and exposure time. A panchromatic pixel reads the sum of
+    the channels and so gets more light; the Bayer camera has the gain that suits its smaller share.
+
+    `level` is the amount of light, 1 = a full exposure. Raises InputError for one that is not positive.
+    """
+
+    name = "sensor"
+    option = "light"
+    metavar = "FACTOR"
+    help = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
+    summary = "shot and read noise, clipped at full scale"
+    default = 1.0
+    usual = (1.0, 1 / 4, 1 / 16)
+    unit = "exposure"
+    headroom = False
+    bits = _BITS
+    equal_noise = "on the same pixels, with the same exposure time"
+    conditions = (
+        f"both cameras expose pixels of the same sensor for the same time: {1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
+        f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies more, "
+        "for its white is a third of the panchromatic pixel's; "
+        "in bright light it could expose longer instead, which is not tried here"
+    )
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level < np.inf:
+            raise InputError(f"`light` is {self.level}, expected a positive factor; 1 is a full exposure")
+
+    @property
+    def tick(self) -> str:
+        """The level beside an axis: 1/4 for 0.25."""
+        return f"1/{1 / self.level:g}" if self.level < 1 else f"{self.level:g}"
+
+    @property
+    def noisiness(self) -> float:
+        """Falls with the light."""
+        return -self.level
+
+    @property
+    def light(self) -> float:  # type: ignore[override]
+        """Light that a shot records, as a multiple of the scene's."""
+        return self.level
+
+    def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
+        """Return a shot of the same electrons, whose white level is 1 scene unit times `level`: see `Protocol.bayer`."""
+        light = samples * self.level
+        counted: Any = rng.poisson(np.maximum(light, 0) / TYPICAL_SHOT) * TYPICAL_SHOT
+        noisy = counted + rng.normal(0, 1, light.shape) * TYPICAL_READ
+        codes = np.rint(noisy * (_WHITE - _BLACK) + _BLACK).clip(0, _WHITE)
+        measured: FloatArray = ((codes - _BLACK) / (_WHITE - _BLACK)).astype(np.float32)
+        return BayerShot(measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level)
+
+
+PROTOCOLS: dict[str, type[Protocol]] = {each.name: each for each in (PaperProtocol, SensorProtocol)}
+
+Given = TypeVar("Given")
+
+
+def chosen_protocol(name: str | None, levels: Mapping[str, Given | None]) -> tuple[type[Protocol], Given | None]:
+    """Return the kind of noise that is asked for, and the level or levels given for it; None where its default is meant.
+
+    Parameters
+    ----------
+    name : str or None
+        In PROTOCOLS; None = that of the level which is given, or else the paper's.
+    levels : mapping
+        What is given under the names of the levels (`Protocol.option`).
+
+    Raises InputError for an unknown kind, for the level of the other one, and for levels of both.
+
+    """
+    given = [option for option, level in levels.items() if level is not None]
+    if name is None and len(given) > 1:
+        both = " and ".join(f"`{option}`" for option in given)
+        raise InputError(f"{both} set different kinds of noise; give one of them")
+    if name is None:
+        name = next((each.name for each in PROTOCOLS.values() if each.option in given), PaperProtocol.name)
+    if name not in PROTOCOLS:
+        raise InputError(f"`protocol` is {name!r}, expected one of {', '.join(PROTOCOLS)}")
+    chosen = PROTOCOLS[name]
+    if others := [option for option in given if option != chosen.option]:
+        raise InputError(
+            f"`{others[0]}` is not a level of `protocol` {name}, whose noise is set by `{chosen.option}`; give the one or the other"
+        )
+    return chosen, levels.get(chosen.option)
