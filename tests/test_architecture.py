@@ -4,7 +4,6 @@ The imports are read from the source, those inside functions too.
 """
 
 import ast
-import re
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -13,7 +12,6 @@ import pytest
 
 from tests.data import ROOT
 from tests.python import on_camera
-from tools import cli
 
 MAY_IMPORT = {
     "shared": {"shared"},
@@ -29,7 +27,6 @@ LAYERS = (
     {"cli", "commands", "notebook"},
 )
 LAYER_OF = {name: height for height, layer in enumerate(LAYERS) for name in layer}
-DATA = {"centre"}  # words in backquotes that are no arguments: of the file on motions
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools
 FORWARD = ("tools.simulation.sensor", "tools.io.display", "tools.io.colour")  # but for what makes and shows their pictures
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides, bursts OpenCV.
@@ -104,46 +101,6 @@ def test_every_arrow_is_in_the_diagram() -> None:
 
 def test_every_module_of_tools_is_in_a_layer() -> None:
     assert {room(module) for module, _ in sources() if module.startswith("tools.")} - {"__init__"} == set(LAYER_OF)
-
-
-def texts(text: str) -> Iterator[str]:
-    """The texts of a module that users may read: no docstrings; {} in place of what is filled in."""
-    no_text = {id(part) for node in nodes(text) if isinstance(node, ast.JoinedStr) for part in node.values}
-    no_text |= {id(node.value) for node in nodes(text) if isinstance(node, ast.Expr)}
-    for node in nodes(text):
-        if isinstance(node, ast.JoinedStr):
-            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in no_text:
-            yield node.value
-
-
-def foreign_words(module: str, text: str, options: dict[str, str]) -> list[str]:
-    """A line for each text of a library that names an option, or an argument that no command calls so.
-
-    options: argument -> option, of all verbs. Commands in a text, as `dask worker --name x`, may have any.
-    """
-    found = []
-    for each in texts(text):
-        plain = re.sub(r"`[^`]* [^`]*`|panchroma [a-z-]+ [^;:,()]*", "", each)
-        found += [
-            f"{module} says {option}"
-            for option in options.values()
-            if option in plain and re.search(rf"(?<![\w-]){option}(?![\w-])", plain)
-        ]
-        found += [
-            f"{module} says `{name}`" for name in re.findall(r"`(\w+)(?:=[^`]*)?`", each) if name not in options.keys() | DATA
-        ]
-    return found
-
-
-def test_libraries_speak_of_arguments_and_commands_of_options() -> None:
-    """`Console` makes options of what the libraries call `max_pixels` or `space="camera"`."""
-    options = {name: option for verb in cli.VERBS for name, option in cli._options(cli._parser(verb)[1][verb]).items()}
-    of_people = {"cli", "commands", "training", "notebook"}
-    libraries = [each for each in sources() if room(each[0]) not in of_people and not each[0].endswith(".__main__")]
-    assert [line for module, text in libraries for line in foreign_words(module, text, options)] == []
-    planted = 'raise InputError(f"{n} pixels; --max-pixels or `max_pixel` raise it, or `max_pixels`, or `x --max-pixels`")'
-    assert foreign_words("a", planted, options) == ["a says --max-pixels", "a says `max_pixel`"]
 
 
 def test_lower_floors_are_tested_without_the_upper_one() -> None:
