@@ -38,7 +38,6 @@ _ROUNDS = 2  # on each copy, each without what the one before has seen moving
 _UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
-_RIGID = 0.99  # agreement from which on no local shifts are looked for
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 _NOTABLE = 0.15  # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -102,8 +101,7 @@ def align(reference: View, frame: View) -> Alignment | str:
     scale = copies[-1].scale
     if not found.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
-    local = _local_shifts(copies[-1], found.motion) if found.agreement < _RIGID else None
-    if local is not None:
+    if (local := _local_shifts(copies[-1], found.motion)) is not None:
         found = max(found, _fit(copies[-1], replace(found.motion, local=local)), key=lambda fit: fit.agreement)
     if found.agreement < _LEAST_AGREEMENT:
         share = f"{100 * found.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
@@ -243,7 +241,6 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
     dark, bright = np.quantile(copy.reference, (0.005, 0.995))
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    optical.setFinestScale(0)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
     moved = [_seen(copy, motion).light]
     for _ in range(_FLOWS):
