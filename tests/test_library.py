@@ -6,7 +6,7 @@ from tests.python import run_python
 
 SCRIPT = """
 import ctypes, faulthandler, gc, locale, os, random, signal, sys, threading, warnings
-import imagecodecs, numba, numpy as np, scipy.ndimage, scipy.sparse.linalg, tifffile
+import cv2, imagecodecs, numba, numpy as np, scipy.ndimage, scipy.sparse.linalg, tifffile
 called = []
 class Recorded(ctypes.CDLL):
     def __getattr__(self, name):

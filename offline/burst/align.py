@@ -38,7 +38,6 @@ _ROUNDS = 2  # on each copy, each without what the one before has seen moving
 _UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
-_RIGID = 0.99  # agreement from which on no local shifts are looked for
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 _NOTABLE = 0.15  # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -96,15 +95,13 @@ def align(reference: View, frame: View) -> Alignment | str:
     gain = _gain(reference, frame)
     copies = list(_copies(reference, frame, gain))[::-1]
     starts = Motion(), Motion(_shift(copies[0]))  # where a large thing moves, its shift may be the likeliest
-    tried = [fit for start in starts if (fit := _refined(copies[0], start))]
-    found = max(tried, key=lambda fit: fit.agreement, default=None)
+    found = max((_refined(copies[0], start) for start in starts), key=lambda fit: fit.agreement)
     for copy in copies[1:]:
-        found = found and _refined(copy, found.motion.times(2))
+        found = _refined(copy, found.motion.times(2))
     scale = copies[-1].scale
-    if found is None or not found.error * scale <= _MOST_ERROR:
+    if not found.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
-    local = _local_shifts(copies[-1], found.motion) if found.agreement < _RIGID else None
-    if local is not None:
+    if (local := _local_shifts(copies[-1], found.motion)) is not None:
         found = max(found, _fit(copies[-1], replace(found.motion, local=local)), key=lambda fit: fit.agreement)
     if found.agreement < _LEAST_AGREEMENT:
         share = f"{100 * found.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
@@ -159,7 +156,7 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     while True:
         if planes[0].size <= _LARGEST:
             own, other = (smoothed(plane, _BLUR) for plane in planes)
-            yield _Copy(scale, own, other, _KEPT * variance / (_SPREAD * scale**2))
+            yield _Copy(scale, own, other, variance / (_SPREAD * scale**2))
         height, width = planes[0].shape
         if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
             return
@@ -193,15 +190,15 @@ def _seen(copy: _Copy, motion: Motion) -> _Seen:
     return _Seen(light, gain, inside, inside & (differs < usual))
 
 
-def _refined(copy: _Copy, motion: Motion) -> _Fit | None:
-    """The shift and rotation by which the copies correlate most; None = there are none."""
+def _refined(copy: _Copy, motion: Motion) -> _Fit:
+    """The shift and rotation by which the copies correlate most; those given if OpenCV finds no better ones."""
     for _ in range(_ROUNDS):
         same = _seen(copy, motion).same.astype(np.uint8)
         start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
         try:  # the reference is what is displaced: the mask is its
             matrix = cv2.findTransformECC(copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1)[1]
-        except cv2.error:  # too few pixels or no texture
-            return None
+        except cv2.error:  # too few pixels, or too little texture on this copy
+            break
         motion = _motion(cv2.invertAffineTransform(matrix.astype(np.float64)), same.shape)
     return _fit(copy, motion)
 
@@ -229,7 +226,8 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    texture, differs = (float(np.square(plane[seen.inside]).mean()) for plane in (_texture(copy.reference), rest))
+    wide = [plane - _around(plane, _TILE) for plane in (copy.reference, seen.light - copy.reference)]
+    texture, differs = (float(np.square(plane[seen.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
     return _Fit(motion, seen.gain, error, max(1 - differs / texture, 0))
 
@@ -243,7 +241,6 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
     dark, bright = np.quantile(copy.reference, (0.005, 0.995))
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    optical.setFinestScale(0)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
     moved = [_seen(copy, motion).light]
     for _ in range(_FLOWS):

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from offline.burst import Alignment, Motion, View, align
 from offline.settings import BEST
@@ -54,6 +55,16 @@ def test_the_motion_of_the_camera_is_found(motion: Motion) -> None:
 def test_frames_of_any_size(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules["offline.burst.align"], "_LARGEST", 60_000)  # the largest is compared at half its size
     assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 2 * BETWEEN
+
+
+@pytest.mark.parametrize("size", [3, 30])
+def test_texture_of_any_size(size: int) -> None:
+    """Small copies show next to none of the one, and fine differences none of the other."""
+    random = np.random.default_rng(0)
+    texture = gaussian_filter(random.normal(size=(1000, 1200)), size)
+    scene = (1 + 0.2 * texture / texture.std()).astype(np.float32) / 3
+    found = aligned(noisy(scene[:980, :1180], 0), noisy(scene[3:983, 6:1186], 1), NOISE)
+    assert np.hypot(found.motion.shift[0] + 3, found.motion.shift[1] + 6) < 2 * BETWEEN
 
 
 def test_samples_of_the_sensor_and_noise() -> None:

@@ -106,14 +106,3 @@ def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
         for these in ([0, 1, 2], order)
     ]
     assert_close(results[1][0], results[0][0], FLOAT32)
-
-
-@pytest.mark.parametrize(
-    "noise", [[[1e-3, 4e-4], [1e-3, 0], [0, 0]], [[0, 4e-4], [0, 0], [1e-3, 0]], [[1e-3, 0], [0, 0], [0, 1e6]]]
-)
-@pytest.mark.parametrize("light", [0.0, -1.5, 1.0])
-def test_no_noise_model_takes_all_the_weight(noise: list[list[float]], light: float) -> None:
-    planes = burst(0.03) * np.float32(0.1) + np.float32(light)
-    fine, shares = merged(arguments(planes, noise=np.array(noise, np.float64)))
-    assert np.isfinite(fine).all()
-    assert (shares > 0).all()
