@@ -173,6 +173,11 @@ STUDIES: dict[str, tuple[str, tuple[str, ...], Study]] = {
 }
 
 
+def _sides(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    return int(width), int(height)
+
+
 def main() -> None:
     """Print the tables."""
     studies = {"nargs": "+", "choices": STUDIES, "default": list(STUDIES)}
@@ -184,8 +189,8 @@ def main() -> None:
     photographs: dict[str, Rows] = {}
     for source in arguments.scenes:
         try:
-            size = source.removeprefix("spectral:")
-            scene = load_scene(source) if size == source else spectral_scene(*map(int, size.split("x")))
+            kind, _, sides = source.partition(":")
+            scene = load_scene(source) if kind != "spectral" else spectral_scene(*_sides(sides))
             scene = replace(scene, rgb=cut(scene.rgb, arguments.size))
         except InputError as error:
             raise SystemExit(f"{source}: {error}") from None
