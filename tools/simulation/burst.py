@@ -41,7 +41,7 @@ class SimulatedBurst:
         if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:
-            raise InputError(f"`rotation` is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
+            raise InputError(f"the rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
         if self.stops and len(self.stops) != self.frames:
             raise InputError(f"`bracket` has {len(self.stops)} figures for {self.frames} frames, expected one for each")
         if not all(abs(stop) <= MOST_STOPS for stop in self.stops):

@@ -1,4 +1,7 @@
-"""A camera that has moved: the light on its sensor, by splines of the fifth order."""
+"""A camera that has moved: the light on its sensor, by splines of the fifth order.
+
+They change waves of up to 0.7 of the highest frequency by less than 3 % of a scene between 0 and 2.
+"""
 
 import math
 from typing import NamedTuple
@@ -11,7 +14,6 @@ MOST_DEGREES = 30.0
 """The largest rotation that is simulated: beyond it margins would take most of a picture."""
 RADIUS = 12
 """Pixels up to which a sample has an influence on interpolated ones that can be measured."""
-_ORDER = 5  # waves of up to 0.7 of the highest frequency change by less than 0.6 %
 
 
 class Motion(NamedTuple):
@@ -66,7 +68,7 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     offset = centre - back @ (centre + motion.shift)
     result = np.empty_like(rgb)
     for channel in range(rgb.shape[2]):
-        affine_transform(rgb[..., channel], back, offset, output=result[..., channel], order=_ORDER, mode="nearest")
+        affine_transform(rgb[..., channel], back, offset, output=result[..., channel], order=5, mode="nearest")
     return result
 
 

@@ -56,6 +56,8 @@ class Protocol:
 
     level: float
 
+    version: ClassVar[int] = 1
+    """Raised whenever shots change, so that kept results of an evaluation are made again."""
     name: ClassVar[str]
     option: ClassVar[str]
     metavar: ClassVar[str]
@@ -109,8 +111,8 @@ class Protocol:
 
     @property
     def identity(self) -> list[str | float]:
-        """What tells its shots apart from others at the same level: the name, and a number to raise when shots change."""
-        return [self.name, 1]
+        """What tells its shots apart from others at the same level: as JSON values."""
+        return [self.name, self.version]
 
     def scaled(self, unit: float) -> "Protocol":
         """Return the same noise for a sensor with other filters, `unit` of whose scene units are one of R, G and B filters'."""

@@ -86,7 +86,7 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
         ({"frames": 0}, "`burst` is 0"),
         ({"pixels": -1}, "`motion` is -1 pixels"),
         ({"pixels": np.nan}, "`motion` is nan"),
-        ({"degrees": 31}, "`rotation` is 31 degrees, expected 0 to 30"),
+        ({"degrees": 31}, "the rotation is 31 degrees, expected 0 to 30"),
         ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),
         ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
