@@ -17,8 +17,6 @@ from shared.writing import write_durably
 from tools.io.colour import encode_srgb
 from tools.io.display import ColourTransform, checked_picture
 
-from .arguments import check_argument, checked
-
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
 
@@ -53,7 +51,6 @@ class Image:
         """(rows, columns)."""
         return self.pixels.shape[0], self.pixels.shape[1]
 
-    @checked
     def save(self, path: str | Path, *, quality: int | None = None, overwrite: bool = False) -> None:
         """Write a PNG or a JPEG, as the name ends.
 
@@ -122,9 +119,6 @@ class Picture:
     lost: ByteArray | None = None
 
     def __post_init__(self) -> None:
-        check_argument("calibration", self.calibration)
-        check_argument("metadata", self.metadata)
-        check_argument("white", self.white)
         if not 0 < self.white < np.inf:
             raise InputError(f"`white` is {self.white}, expected a positive number: what the white of the scene reads")
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
@@ -146,7 +140,6 @@ class Picture:
         """The letters of the channels, in the order of `rgb`."""
         return self.calibration.channels
 
-    @checked
     def save(
         self,
         path: str | Path,
@@ -203,7 +196,6 @@ class Picture:
         return replace(self, rgb=_reduced(self.rgb), lost=lost)._shown._repr_png_()
 
 
-@checked
 def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -> Image:
     """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8 bits, upright.
 

@@ -11,7 +11,6 @@ from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
 from tools.io.display import checked_picture
 
-from .arguments import checked
 from .pictures import Picture, light_of
 from .shots import Shot
 
@@ -62,7 +61,6 @@ class Evaluation:
         return f"<table>{head}{''.join(rows)}</table>{hue}"
 
 
-@checked
 def evaluate(
     picture: Picture | NDArray[np.floating],
     truth: Shot | Picture | NDArray[np.floating] | None,

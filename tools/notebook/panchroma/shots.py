@@ -13,12 +13,11 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from tools.batch.in_memory import note_once, render_array, settings_named
+from tools.batch.in_memory import missing_package, note_once, render_array, settings_named
 from tools.batch.previews import Previews
 from tools.batch.white_balance import WhiteBalance
 from tools.io.samples import upright
 
-from .arguments import check_argument, checked
 from .pictures import Image, Picture
 
 if TYPE_CHECKING:
@@ -48,9 +47,6 @@ class Shot:
     name: str = ""
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        check_argument("mosaic", self.mosaic)
-
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
@@ -71,7 +67,6 @@ class Shot:
         """Capture data: camera, lens, exposure, orientation."""
         return self.mosaic.metadata
 
-    @checked
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads. An existing file stays, unless `overwrite`."""
         if Path(path).suffix.lower() != ".dng":
@@ -87,7 +82,6 @@ class Shot:
         return preview(self)._repr_png_()
 
 
-@checked
 def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS) -> Shot:  # noqa: A001
     """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see `simulate`.
 
@@ -107,7 +101,6 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.lens_remarks(mosaic.metadata.focal_length)))
 
 
-@checked
 def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
 
@@ -123,7 +116,6 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     return Image(np.ascontiguousarray(upright(_previews(scale)(mosaic), mosaic.metadata.orientation)))
 
 
-@checked
 def render(
     shot: Shot | str | Path,
     *,
@@ -149,7 +141,11 @@ def render(
     >>> panchroma.render(shot)
     <Picture 120 x 90, linear R, G, B>
     """
-    settings, white = settings_named(preset), WhiteBalance.parse(wb)
+    try:
+        settings = settings_named(preset)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(missing_package(error), name=error.name) from None
+    white = WhiteBalance.parse(wb)
     shot = as_shot(shot)
     mosaic = white.of(shot.mosaic)
     rgb, lost = render_array(mosaic, settings, stages)

@@ -17,14 +17,12 @@ from tools.simulation.lens import Lens
 from tools.simulation.noise import chosen_protocol
 from tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
-from .arguments import checked
 from .pictures import Picture
 from .shots import Shot, with_notes_shown
 
 _PERIOD = 6
 
 
-@checked
 def simulate(
     scene: str | Path | Picture | ArrayLike,
     *,
