@@ -1,8 +1,7 @@
-"""`import panchroma`: the same results as the commands and the libraries, shown, and errors about arguments."""
+"""`import panchroma`: the same results as the commands and the libraries, shown, and errors that say what is wrong."""
 
 import json
 import pydoc
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,6 @@ import panchroma
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from tests.tools.command import run
 from tools.io.colour import decode_srgb
-from tools.io.formats import FORMATS
 from tools.io.kind import PictureKind
 from tools.simulation.lens import lens_shading
 
@@ -37,11 +35,9 @@ def shown(result: Any) -> np.ndarray[Any, Any]:
     return np.asarray(imagecodecs.png_decode(result._repr_png_()))
 
 
-def test_help_alone_names_everything_and_no_option() -> None:
+def test_help_names_everything() -> None:
     text = pydoc.plain(pydoc.render_doc(panchroma))
-    for name in panchroma.__all__:
-        assert name in text
-    assert "--" not in re.sub(r"`panchroma [^`]*`|-{70}", "", text)  # but for commands, and lines
+    assert all(name in text for name in panchroma.__all__)
 
 
 def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
@@ -62,13 +58,6 @@ def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tm
     mine, made = (imagecodecs.jpeg8_decode((tmp_path / name).read_bytes()) for name in ("mine.jpg", "made/shot.jpg"))
     assert np.array_equal(mine, made)
     assert np.array_equal(read.mosaic.codes, shot.mosaic.codes)
-
-
-@pytest.mark.parametrize("format", FORMATS)
-def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -> None:  # noqa: A002
-    path = tmp_path / f"picture{PictureKind.of(format).suffix}"
-    panchroma.Picture(GREY).save(path, format=format)
-    assert path.stat().st_size > 0
 
 
 def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
@@ -135,9 +124,8 @@ def test_figures_fall_with_the_light() -> None:
     assert ours[0] > ours[1] > ours[2]
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth.white == light
-    for white in (0, -1, np.inf, np.nan):
-        with pytest.raises(panchroma.PanchromaError, match="`white` is"):
-            panchroma.evaluate(picture, shot, white=white)
+    with pytest.raises(panchroma.PanchromaError, match="`white` is"):
+        panchroma.evaluate(picture, shot, white=0)
 
 
 def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> None:
@@ -147,9 +135,9 @@ def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> Non
     assert all("the brightest value is 7.125" in shot.notes[0] for shot in shots)
 
 
-@pytest.mark.parametrize("format", ["png", "tif", "jpg", "uhdr"])
+@pytest.mark.parametrize("format", ["png", "uhdr"])
 def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_path: Path) -> None:  # noqa: A002
-    """Two of these formats are written band by band, the frame is higher than a band, and it is turned."""
+    """One of these formats is written band by band, the frame is higher than a band, and it is turned."""
     wall = np.full((300, 60, 3), 0.02)
     for row in range(9, 300, 6):  # so that some lie between the blocks
         wall[row : row + 3, 30:33] = 1
@@ -220,50 +208,30 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     ("wrong", "said"),
     [
         (lambda: panchroma.open("shot.dng", max_pixels=100), "max_pixels"),
-        (lambda: panchroma.open("shot.dng", max_pixels="100"), "`max_pixels` is '100'"),  # type: ignore[arg-type]
-        (lambda: panchroma.open(GREY), "`path` is array"),  # type: ignore[arg-type]
-        (lambda: panchroma.open(""), "`path` is '', expected the name of a file"),
         (lambda: panchroma.simulate("shot.dng"), "render it"),
-        (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
-        (lambda: panchroma.simulate(GREY, pattern="RGB"), "pattern"),
-        (lambda: panchroma.simulate(GREY, pattern=99), "pattern"),
         (lambda: panchroma.simulate(GREY, sigma=0.1, light=1), "sigma"),
-        (lambda: panchroma.simulate(GREY, light=0), "light"),
-        (lambda: panchroma.simulate(GREY, channels="RG"), "channels"),
         (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, bits="12"), "`bits` is '12', expected a whole number"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
         (lambda: panchroma.simulate(np.zeros((50, 50))), "(50, 50), expected (rows, columns, channels)"),
-        (lambda: panchroma.simulate(np.zeros((50, 0, 3), np.uint8)), "(50, 0, 3), expected"),
         (lambda: panchroma.render(panchroma.simulate(GREY), stages=[]), "stages is list"),  # type: ignore[arg-type]
-        (lambda: panchroma.render(panchroma.simulate(GREY[:2, :2])), "2 x 2 pixels without a panchromatic one"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
-        (lambda: panchroma.render("shot.dng", wb="sunny"), "`wb` is 'sunny'"),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
-        (lambda: panchroma.preview("shot.dng", scale=True), "`scale` is True, expected a whole number"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),
         (lambda: panchroma.Picture(GREY, white=0), "`white` is 0"),
-        (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
-        (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "`overwrite` is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
-        (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
-        (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
-        (lambda: panchroma.open("shot.dng").save("shot.tif"), "DNG"),
         (lambda: panchroma.simulate(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
-        (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
         (lambda: panchroma.evaluate(GREY[:39], GREY[:39]), "at least 40 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
-def test_an_error_names_what_is_wrong_and_no_option(
+def test_an_error_names_what_is_wrong(
     wrong: Callable[[], object], said: str, shot: panchroma.Shot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -272,11 +240,8 @@ def test_an_error_names_what_is_wrong_and_no_option(
     with pytest.raises(panchroma.PanchromaError) as caught:
         wrong()
     assert said in str(caught.value)
-    assert "--" not in str(caught.value)
 
 
 def test_a_lens_is_simulated_and_known() -> None:
     shot = panchroma.simulate("builtin:120x90", shading=(1.5, 10), light=1)
     assert shot.mosaic.calibration.shading == lens_shading(1.5, 0.1, 4, (90, 120))
-    with pytest.raises(panchroma.PanchromaError, match="`shading` is 3, expected two numbers"):
-        panchroma.simulate("builtin:60x40", shading=3)  # type: ignore[arg-type]
