@@ -23,7 +23,6 @@ from offline.stages.luminance import recover_luminance
 from shared import Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from tests.benchmarks.harness import PATTERN, options, photographs
-from tests.benchmarks.moving_disc import with_disc
 from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
 from tools.simulation.load import load_scene
 from tools.simulation.sensor import simulate_additive, simulate_sensor
@@ -97,7 +96,6 @@ def cases(rgb: FloatArray, count: int, pixel: int, sigmas: list[float]) -> Itera
     still, exposures = (
         list(burst_frames(rgb, burst, np.random.default_rng(1), pixel)) for burst in (plain, replace(plain, stops=bracket))
     )
-    moving, _ = with_disc(still, np.random.default_rng(1))
     local = np.zeros((2, SMOOTH + 1, 2), np.float32)
     local[:, :, 1] = 0.5 * np.tanh((SMOOTH / 2 - np.arange(SMOOTH + 1)) / 2)
     for sigma in sigmas:

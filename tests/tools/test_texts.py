@@ -6,7 +6,6 @@ import pytest
 from shared import read_camera
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import cgats
-from tools.batch.defect_list import read_defects
 from tools.calibration.reference import read_reference
 from tools.commands.calibrate import color_checker_xyz
 from tools.simulation.pattern_text import read_pattern
@@ -18,7 +17,6 @@ def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path
     for name, text, read in (
         ("camera.json", json.dumps(camera), read_camera),
         ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: read_pattern(str(path))),
-        ("defects.txt", "5, 8\n", read_defects),
         ("chart.ti3", cgats(color_checker_xyz()), lambda path: read_reference(path).tolist()),
     ):
         plain, marked, wide = (tmp_path / f"{kind}-{name}" for kind in ("plain", "marked", "wide"))

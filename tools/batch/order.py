@@ -17,7 +17,6 @@ from tools.io.development import Development
 from tools.io.kind import PictureKind
 
 from .checks import check_light
-from .defect_list import Places, with_defects
 from .journal import key
 from .white_balance import AS_SHOT, WhiteBalance
 
@@ -77,7 +76,6 @@ class Order:
     camera: replaces the calibration in the shots.
     run: name of this run in the journal.
     white: white balance of the pictures.
-    defects: sensor (row, column) of defective pixels, in addition to the calibration's.
     max_pixels: largest shot that is read.
     resume: keep pictures that are up to date, replace those of an earlier render that are not.
     overwrite: replace any existing file.
@@ -93,7 +91,6 @@ class Order:
     exposure: float
     camera: Camera | None
     run: str
-    defects: Places = ()
     white: WhiteBalance = AS_SHOT
     max_pixels: int = MAX_PIXELS
     resume: bool = False
@@ -132,8 +129,6 @@ class Order:
         """A shot, calibrated. Raises InputError for one that cannot become such a picture."""
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
-        if self.defects:
-            mosaic = with_defects(mosaic, self.defects)
         mosaic = self.white.of(mosaic)
         self.development(mosaic).check()
         check_light(mosaic, self.settings)

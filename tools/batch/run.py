@@ -68,7 +68,7 @@ def render_all(
         if elsewhere:
             order = replace(order, folder=order.folder.absolute())
             shots = [_absolute(shot) for shot in shots]
-        for folder in {shot.output.parent for shot in shots}:
+        for folder in {shot.output.parent for shot in shots if not order.dry_run}:
             stack.callback(sweep, folder)  # what killed processes leave
         allowed = allowed_memory(memory)
         count = 1 if elsewhere else _processes(order, shots, jobs, allowed, note)

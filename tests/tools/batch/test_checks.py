@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import offline
-from offline import BEST, PRESETS, available_threads, threads, use_threads
+from offline import BEST, PRESETS
 from offline.numerics.arrays import Floats1
 from offline.numerics.compile import ParallelKernel, Pieces
 from shared import CfaPattern, Mosaic, SensorCalibration
@@ -85,28 +85,11 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
     need = {each: checks.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
     limit = str((need["tif"] + need[name]) // 2)
     outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
-    words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
+    enough = format_bytes(need[name]).replace(" ", "").removesuffix("B")
+    words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set `max_memory={enough}`"
     assert_refused(outcome, words, name=str(shot))
     assert names(out) == set()
     run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M", code=0)
-
-
-# --- threads --------------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("option", "used"), [("1", 1), ("1000", available_threads())])
-def test_threads_are_those_asked_for_as_far_as_there_are(
-    option: str, used: int, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen = []
-    write = "tools.batch.attempt.write_picture"
-    monkeypatch.setattr(write, lambda *_, **named: seen.append((threads(), named["threads"])))
-    before = threads()
-    try:
-        run("render", save_mosaic(tmp_path / "shot.dng", mosaic(SMALL)), "-o", out, "-j", option, code=0)
-    finally:
-        use_threads(before)
-    assert seen == [(used, used)]
 
 
 # --- compiling ------------------------------------------------------------------------------------------------------------------

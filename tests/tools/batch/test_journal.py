@@ -145,7 +145,6 @@ WHOLE: dict[str, Any] = {
     "camera": Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}, (13, 17)),
     "run": "1",
     "white": WhiteBalance("", (1.0, 2.0, 1.0)),
-    "defects": ((3, 4),),
 }
 ORDERS = [Order(**WHOLE), BurstOrder(**WHOLE, reference=1, shifts=((0.0, 0.0), (1.0, 0.0)))]
 LIMITS = {"folder", "run", "resume", "overwrite", "dry_run"}  # in which nothing of a picture shows

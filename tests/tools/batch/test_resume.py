@@ -46,10 +46,12 @@ def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
     assert contents(out) == made
 
 
-def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path) -> None:
+def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     render(shots, out)
-    assert current(render(shots, out, "--resume", "--max-pixels", "221")) == {"a.tif", "b.tif", "c.tif"}
-    outcome = render(shots, out, "--overwrite", "--max-pixels", "220", "--jobs", "2")
+    monkeypatch.setenv("PANCHROMA_MAX_PIXELS", "221")
+    assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
+    monkeypatch.setenv("PANCHROMA_MAX_PIXELS", "220")
+    outcome = render(shots, out, "--overwrite", "--jobs", "2")
     assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
 
 

@@ -17,7 +17,7 @@ from shared.arrays import DoubleArray
 from shared.white_balance import balanced
 from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 from tools.calibration.colour_matrix import GREYS, fit_colour, light_change
 from tools.io.colour import encode_srgb, xyz_to_lab
 from tools.io.colour_difference import delta_e_2000
@@ -48,7 +48,7 @@ def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     folder = tmp_path_factory.mktemp("lights")
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
-    lights = ("--chart-light", "a", folder / "A.dng", "--chart-light", "d65", folder / "D65.dng")
+    lights = ("--chart-light", f"a={folder / 'A.dng'}", "--chart-light", f"d65={folder / 'D65.dng'}")
     run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
     return request.param, folder
 
@@ -118,10 +118,9 @@ def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_pa
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["--chart-light", "A", "a.dng"], "given once for each of two lights"),
-        (["--chart-light", "A", "a.dng", "--chart-light", "D65"], "D65: name the shots"),
-        (["--chart-light", "A", "a.dng", "--chart-light", "A", "b.dng"], "A and A are alike"),
-        (["c.dng", "--chart-light", "A", "a.dng", "--chart-light", "D65", "b.dng"], "c.dng: shows"),
+        (["--chart-light", "A=a.dng"], "names two lights"),
+        (["--chart-light", "A=a.dng", "--chart-light", "2900=b.dng"], "are alike"),
+        (["c.dng", "--chart-light", "A=a.dng", "--chart-light", "D65=b.dng"], "c.dng: shows"),
     ],
 )
 def test_what_are_no_two_lights_is_refused(tmp_path: Path, words: list[str], why: str) -> None:
@@ -134,7 +133,7 @@ def test_without_a_chart_under_one_light_there_is_no_camera(bench: Bench, tmp_pa
     _, folder = bench
     grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
     output = tmp_path / "camera.json"
-    words = ("--chart-light", "A", folder / "A.dng", "--chart-light", "D65", grey)
+    words = ("--chart-light", f"A={folder / 'A.dng'}", "--chart-light", f"D65={grey}")
     outcome = run("calibrate", *words, "-o", output)
     assert (outcome.code, output.exists()) == (1, False)
     assert "no chart without clipped patches was found under the light D65;" in outcome.err
@@ -158,11 +157,11 @@ def test_charts_under_other_lights_than_those_named_are_refused(
         files = [folder / f"{shot}.dng" for shot in shots.split(",") if shot != "other"]
         if "other" in shots:
             files.append(save(tmp_path / "other.dng", frame(chart(camera, "D65"), seed=1)))
-        words += ["--chart-light", light, *files]
+        words += repeated("--chart-light", [f"{light}={file}" for file in files])
     output = tmp_path / "camera.json"
     outcome = run("calibrate", *words, "-o", output)
     assert (outcome.code, output.exists()) == (1, False)
-    assert re.search(f"{why}.*--chart-light", outcome.err), outcome.err
+    assert re.search(f"{why}.*chart_light", outcome.err), outcome.err
 
 
 @pytest.mark.parametrize("camera", CAMERAS)

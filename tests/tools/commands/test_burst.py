@@ -106,7 +106,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     found = {}
     for sign in (1, -1):
         shifts = [f"{sign * x},{sign * y}" for x, y in places]
-        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", *shifts, code=0)
+        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", " ".join(shifts), code=0)
         assert outcome.records[0]["reference"] == str(shots[0])
         found[sign] = psnr(tifffile.imread(out / "step.tif"), scene[:120, :170])
     alone = psnr(render(read_dng(shots[0]), UNLEARNED).rgb, scene[:120, :170])
@@ -163,7 +163,7 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert results(out) == {f"{STEM}.tif"}
     for options in (("--dry-run", "--overwrite"), ("--resume",)):
         assert_refused(merged(frames, out, *options, code=1), name=str(cut))
-    assert_refused(merged(frames, out, "--reference", cut, "--overwrite", code=1), "name another --reference", name=str(cut))
+    assert_refused(merged(frames, out, "--reference", cut, "--overwrite", code=1), "name another `reference`", name=str(cut))
 
 
 def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
@@ -196,7 +196,7 @@ def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: 
 
 def test_what_exists_stays(taken: Path, out: Path) -> None:
     (out / f"{STEM}.tif").write_text("mine")
-    assert_refused(run("burst", taken, "-o", out), "exists already; use --overwrite", name=f"{out / STEM}.tif")
+    assert_refused(run("burst", taken, "-o", out), "exists already; use `overwrite=True`", name=f"{out / STEM}.tif")
     assert_refused(run("burst", taken, "-o", out, "--resume"), "no render noted", name=f"{out / STEM}.tif")
     assert contents(out) == {f"{STEM}.tif": b"mine"}
 
@@ -210,7 +210,7 @@ def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
     assert not merged(frames, out, *resume).records[0].get("current")
     merged(frames, out, "--resume")
     assert merged(frames, out, *resume).records[0].get("current")
-    for more in (("--reference", frame(frames, 2)), ("--exposure", "1"), ("--shifts", "0,0", "0,1", "1,0")):
+    for more in (("--reference", frame(frames, 2)), ("--exposure", "1"), ("--shifts", "0,0 0,1 1,0")):
         assert not merged(frames, out, *resume, *more).records[0].get("current")
     picture.write_text("edited")
     save_shot(frame(frames, 4), shape=(60, 70))

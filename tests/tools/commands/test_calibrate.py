@@ -77,7 +77,7 @@ def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_
     outcome = run("calibrate", *words, "-o", tmp_path / "camera.json", "--json", code=1)
     kinds = {Path(each["source"]).name: each.get("kind") for each in outcome.records}
     assert (kinds["dark0.dng"], kinds["chart.dng"]) == ("dark", "shot")
-    said = "it is dark; a dark frame, or a folder of them, is given by --dark"
+    said = "it is dark; a dark frame, or a folder of them, is given by `dark`"
     assert f"dark1.dng: no ColorChecker was found: {said}" in outcome.err
 
 
@@ -105,7 +105,7 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
     grey = save(tmp_path / "grey.dng", frame(halves))
     dark = folder / "dark0.dng"
     copy = save(tmp_path / "copy.dng", read_dng(dark))
-    said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
+    said = r"no ColorChecker was found.*give its corners: `corners` x,y x,y x,y x,y\n.*absent.dng"
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
         ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),

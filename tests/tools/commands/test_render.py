@@ -76,7 +76,7 @@ def save(path: Path, codes: ArrayLike | None = None) -> Path:
 @pytest.mark.parametrize(("sigma", "period"), [(0.0, 6), (0.02, 4)])
 def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
     """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
-    options = ["--period", str(period), "--origin", "2,1", "--sigma", str(sigma), "--seed", "5"]
+    options = ["--pattern", f"K={period}", "--origin", "2,1", "--sigma", str(sigma), "--seed", "5"]
     run("simulate", SOURCE, "-o", out, "--bits", "16", "--truth", *options, code=0)
     run("render", out / f"{STEM}.dng", "-o", out, *MEASURED, code=0)
     rendered, truth = tifffile.imread(out / f"{STEM}.tif"), tifffile.imread(out / f"{STEM}.truth.tif")

@@ -13,7 +13,8 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from tools.batch.in_memory import missing_package, note_once, render_array, settings_named
+from tools.batch.console import fault
+from tools.batch.in_memory import note_once, render_array, settings_named
 from tools.batch.previews import Previews
 from tools.batch.white_balance import WhiteBalance
 from tools.io.samples import upright
@@ -144,7 +145,7 @@ def render(
     try:
         settings = settings_named(preset)
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(missing_package(error), name=error.name) from None
+        raise ModuleNotFoundError(fault(error), name=error.name) from None
     white = WhiteBalance.parse(wb)
     shot = as_shot(shot)
     mosaic = white.of(shot.mosaic)
