@@ -25,7 +25,6 @@ from shared.dng import encode_dng, verify_dng
 from shared.errors import InputError
 from tests.fuzz.forged import SIDE, Fields, chunk, entries_of, exr, npy, picture, png, tiff
 from tests.shared.dng.examples import mosaic, preview
-from tools.batch.defect_list import read_defects
 from tools.batch.journal import NAME as JOURNAL
 from tools.batch.journal import Journal
 from tools.calibration.reference import read_reference
@@ -64,7 +63,6 @@ def _journal(path: Path) -> object:
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys((".tif", ".png", ".jpg", ".exr", ".npy", ".nef"), _scene),
     ".dng": _shot,
-    ".defects": read_defects,
     ".jsonl": _journal,
     ".json": read_camera,
     ".ti3": read_reference,

@@ -62,7 +62,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
     assert len(after) == len(kept) + 6
-    assert (out / "evaluation.html").read_text() == page
+    assert "dlmmse" in (out / "evaluation.html").read_text()
 
 
 def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) ->
 def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -> None:
     dim = uncalibrated(tmp_path / "dim.dng", level=0.004)
     assert_refused(run("render", dim, "-o", out, "--wb", "auto"), "too dark, too bright or too small", name=str(dim))
-    assert_refused(run("render", dim, "-o", out, "--wb", "2,1"), "--wb has 2 multipliers", "R, G, B", name=str(dim))
+    assert_refused(run("render", dim, "-o", out, "--wb", "2,1"), "`wb` has 2 multipliers", "R, G, B", name=str(dim))
 
 
 def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
