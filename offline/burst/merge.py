@@ -93,7 +93,7 @@ def denoised(luminance: FloatArray, shares: FloatArray, samples: Mosaic, setting
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
     less = NoiseModel(tuple(shot * part for shot in noise.shot), tuple(read * part**0.5 for read in noise.read))
-    quieter = replace(samples, calibration=replace(samples.calibration, noise=less))
+    quieter = replace(samples, calibration=replace(samples.calibration, noise=less.possible()))
     result, alone = denoise_luminance(luminance, quieter, settings.denoising), 1 - level / most
     if alone.max() > _SOME_ALONE:
         result += alone.clip(0, 1) * (denoise_luminance(luminance, samples, settings.denoising) - result)

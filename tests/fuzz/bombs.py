@@ -202,8 +202,6 @@ def _others() -> dict[str, bytes]:
         "deep.json": b"[" * 4_000_000,
         "digits.json": b'{"schema": ' + b"9" * 1_000_000 + b"}",
         "blanks.ti3": b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000,
-        "digits.defects": b"[[" + b"9" * 5000 + b", 1]]",
-        "long.defects": b"1 2\n" * 6_000_000,
     }
 
 
