@@ -28,7 +28,7 @@ def scheduler(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[bytes]]]":
     options = ("--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file)
     with _process("dask_scheduler", *options, source=ROOT) as running:
         deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
+        while not (file.exists() and file.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
         yield json.loads(file.read_text())["address"], running
 
