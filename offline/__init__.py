@@ -1,7 +1,6 @@
 """The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
-from shared.processors import available_threads, threads, use_threads
-
+from ..shared.processors import available_threads, threads, use_threads
 from .ahead import compile_kernel, kernels_to_compile
 from .measured import Measured
 from .memory import rendering_memory

@@ -7,10 +7,9 @@ from importlib import import_module
 
 import numpy as np
 
-from shared.calibration import SensorCalibration
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-
+from ..shared.calibration import SensorCalibration
+from ..shared.mosaic import Mosaic
+from ..shared.pattern import CfaPattern
 from .measured import Measured
 from .numerics.compile import ParallelKernel, kernel_cache, kernels
 from .render import KERNELS, row_stages
@@ -39,7 +38,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     settings: without any, all kernels.
     Returns those that take longest first. Raises RuntimeError when there is no folder to keep them in.
 
-    >>> from offline import BEST, PAPER, kernels_to_compile
+    >>> from panchroma.offline import BEST, PAPER, kernels_to_compile
     >>> set(kernels_to_compile(PAPER)) <= set(kernels_to_compile(PAPER, BEST)) <= set(kernels_to_compile())
     True
     """
@@ -50,7 +49,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
 def compile_kernel(name: str) -> None:
     """Compile a kernel and keep it on the disk; reads it if it is there already. Raises KeyError for an unknown name.
 
-    >>> from offline import compile_kernel, kernels_to_compile
+    >>> from panchroma.offline import compile_kernel, kernels_to_compile
     >>> compile_kernel("mix")
     >>> "mix" in kernels_to_compile()
     False

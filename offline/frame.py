@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
-from shared.block_grid import BlockGrid
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-
+from ..shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+from ..shared.block_grid import BlockGrid
+from ..shared.calibration import NoiseModel
+from ..shared.mosaic import Mosaic
+from ..shared.pattern import CfaPattern
 from .numerics.pieces import BLOCK_ROWS, in_strips
 
 _TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
@@ -28,8 +27,8 @@ class Sites:
     """The colour sites of the B = (rows, columns) blocks of a frame that lie wholly inside it, S sites in each.
 
     >>> import numpy as np
-    >>> from offline.frame import Sites
-    >>> from shared import CfaPattern
+    >>> from panchroma.offline.frame import Sites
+    >>> from panchroma.shared import CfaPattern
     >>> pattern = CfaPattern.bayer(6)
     >>> sites = Sites(pattern, pattern.grid((13, 20)))
     >>> sites.shape, sites.of(np.zeros((13, 20))).shape

@@ -5,13 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, FloatArray
-from shared.block_grid import BlockGrid
-from shared.calibration import NoiseModel, SensorCalibration
-from shared.errors import InputError
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-
+from ..shared.arrays import BoolArray, ByteArray, FloatArray
+from ..shared.block_grid import BlockGrid
+from ..shared.calibration import NoiseModel, SensorCalibration
+from ..shared.errors import InputError
+from ..shared.mosaic import Mosaic
+from ..shared.pattern import CfaPattern
 from .frame import Sites
 from .parts import Part
 
@@ -99,8 +98,8 @@ class Measured:
     lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
 
     >>> import numpy as np
-    >>> from offline import Measured
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import Measured
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> Measured.outline(grey).shape
     (30, 40)

@@ -1,8 +1,7 @@
 """How much memory the stages need, so that a program can refuse a frame before it starts."""
 
-from shared.mosaic import Mosaic
-from shared.networks import network_for
-
+from ..shared.mosaic import Mosaic
+from ..shared.networks import network_for
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
@@ -25,8 +24,8 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the mosaic and the picture.
 
     >>> import numpy as np
-    >>> from offline import rendering_memory
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import rendering_memory
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     >>> 30e6 < rendering_memory(mosaic) < 300e6
     True
@@ -51,8 +50,8 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     frames: their number. mosaic: one of them.
 
     >>> import numpy as np
-    >>> from offline.burst import burst_memory
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline.burst import burst_memory
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     >>> 50e6 < burst_memory(8, mosaic) < 300e6
     True

@@ -9,10 +9,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from shared.arrays import STRIP, FloatArray
-from shared.errors import InputError
-from shared.progress import SILENT, Progress
-
+from ..shared.arrays import STRIP, FloatArray
+from ..shared.errors import InputError
+from ..shared.progress import SILENT, Progress
 from .numerics.pieces import in_pieces
 
 _ROWS = STRIP // 4  # of a part between two stages
@@ -31,7 +30,7 @@ class Part:
         picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
 
     >>> import numpy as np
-    >>> from offline import Part
+    >>> from panchroma.offline import Part
     >>> Part(10, np.ones((4, 6), np.float32), np.ones((4, 6, 3), np.float32)).rows(11, 13).end
     13
     """
@@ -73,7 +72,7 @@ class Look(NamedTuple):
     reach: rows above and below that the result of a row depends on.
     step, origin: the rows that it is asked for end where (row - origin) is a multiple of `step`, or at the end of the picture.
 
-    >>> from offline import Look
+    >>> from panchroma.offline import Look
     >>> Look(reach=3)
     Look(reach=3, step=1, origin=0)
     """
@@ -88,7 +87,7 @@ class RowStage(Protocol):
 
     name: for progress. kernels: those that it calls, so that they can be compiled ahead.
 
-    >>> from offline import RowStage
+    >>> from panchroma.offline import RowStage
     >>> class Same(RowStage):
     ...     def __call__(self, part, rows):
     ...         return part.rows(*rows)
@@ -113,7 +112,7 @@ def finish(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progr
     """Lead a picture that arrives in parts, from top to bottom, through the stages. height: its rows.
 
     >>> import numpy as np
-    >>> from offline.parts import Part, RowStage, finish
+    >>> from panchroma.offline.parts import Part, RowStage, finish
     >>> class Darker(RowStage):
     ...     def __call__(self, part, rows):
     ...         shown = part.rows(*rows)

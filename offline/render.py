@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import ByteArray, FloatArray
-from shared.calibration import NoiseModel, SensorCalibration
-from shared.errors import InputError
-from shared.mosaic import Mosaic
-from shared.networks import network_for
-from shared.pattern import CfaPattern
-from shared.progress import SILENT, Progress
-
+from ..shared.arrays import ByteArray, FloatArray
+from ..shared.calibration import NoiseModel, SensorCalibration
+from ..shared.errors import InputError
+from ..shared.mosaic import Mosaic
+from ..shared.networks import network_for
+from ..shared.pattern import CfaPattern
+from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.solvers import Solved, SolverLog
@@ -65,8 +64,8 @@ class Rendering:
         there. 255 = nothing is known; None = all is known.
 
     >>> import numpy as np
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
-    >>> from offline import render
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import render
     >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> rendering = render(mosaic)
     >>> rendering.luminance.shape, rendering.chromaticity.shape
@@ -88,8 +87,8 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     progress: hears what their solvers did.
 
     >>> import numpy as np
-    >>> from offline import BEST, measure, row_stages
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import BEST, measure, row_stages
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
     'propagation'
@@ -127,8 +126,8 @@ def render(
     RangeError rather than return a value that is not finite.
 
     >>> import numpy as np
-    >>> from offline import PAPER, render, row_stages
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import PAPER, render, row_stages
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> render(grey, PAPER).rgb.shape
     (30, 40, 3)
@@ -152,8 +151,8 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
 
     >>> import numpy as np
-    >>> from offline import PAPER, render_bands
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import PAPER, render_bands
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> bands = list(render_bands(grey, PAPER))
     >>> len(bands), sum(len(band) for band in bands)
@@ -170,8 +169,8 @@ def colour_bands(
     stages: see `render`.
 
     >>> import numpy as np
-    >>> from offline import colour_bands, measure
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import colour_bands, measure
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> [band.shape for band in colour_bands(measure(grey))]
     [(30, 40, 3)]
@@ -186,7 +185,7 @@ def warm_up(settings: RenderSettings = BEST) -> None:
 
     A first render takes half a second longer than later ones. A program that has to wait for its shot can do that meanwhile.
 
-    >>> from offline import PAPER, warm_up
+    >>> from panchroma.offline import PAPER, warm_up
     >>> warm_up(PAPER)
     """
     scene = np.full((24, 24, 3), 0.2, np.float32)
@@ -202,8 +201,8 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     """Everything that looks at a single frame as a whole.
 
     >>> import numpy as np
-    >>> from offline import measure
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import measure
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> measure(grey).luminance.shape
     (30, 40)
@@ -225,8 +224,8 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     Raises InputError for samples that are not in scene units (see `units`).
 
     >>> import numpy as np
-    >>> from offline import cleaned
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import cleaned
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> bool((cleaned(grey).signal == grey.signal).all())
     True
@@ -272,8 +271,8 @@ def coloured(
     others: what the other frames of a burst know.
 
     >>> import numpy as np
-    >>> from offline import cleaned, coloured
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import cleaned, coloured
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> coloured(cleaned(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3

@@ -28,7 +28,7 @@ class RenderSettings:
     (`stages.pinning`); learned corrects chromaticity by a network, where there is one for the pattern (`stages.colour_network`).
 
     >>> from dataclasses import replace
-    >>> from offline import BEST, PAPER
+    >>> from panchroma.offline import BEST, PAPER
     >>> sharp = replace(BEST, denoising=replace(BEST.denoising, strength=0.5))
     >>> sharp.denoising.strength, PAPER.luminance.iterations
     (0.5, 50)

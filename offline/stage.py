@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from math import inf
 from typing import Annotated, Any, NamedTuple
 
-from shared.errors import InputError
+from ..shared.errors import InputError
 
 
 class Range(NamedTuple):

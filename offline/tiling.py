@@ -5,8 +5,8 @@ A band is a whole number of rows of cores (see `stages.affinity`).
 
 import numpy as np
 
-from shared.arrays import BORDER, IndexArray
-from shared.block_grid import BlockGrid
+from ..shared.arrays import BORDER, IndexArray
+from ..shared.block_grid import BlockGrid
 
 HALO = 2
 """Patches around a core that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms (photographs): a tenth of the

@@ -9,9 +9,9 @@ from math import frexp
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.errors import InputError, RangeError
-from shared.mosaic import Mosaic
+from ..shared.arrays import FloatArray
+from ..shared.errors import InputError, RangeError
+from ..shared.mosaic import Mosaic
 
 _FARTHEST = 2.0**10
 """Times white, or a fraction of it: the brightest sample of a frame in scene units lies within."""

@@ -24,7 +24,7 @@ class BlockGrid:
     frame: (rows, columns) of the frame.
     Raises InputError when no whole block lies inside the frame.
 
-    >>> from shared import CfaPattern
+    >>> from panchroma.shared import CfaPattern
     >>> grid = CfaPattern.bayer(6).grid((13, 20))
     >>> grid.shape, grid.patches  # blocks and patches, (down, across)
     ((4, 6), (3, 5))

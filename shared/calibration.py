@@ -48,7 +48,7 @@ class NoiseModel:
     read: standard deviation of the read noise in scene units, 0 or more, one value per plane.
     Raises InputError when a value is negative or not finite, and when the two have different lengths.
 
-    >>> from shared import NoiseModel
+    >>> from panchroma.shared import NoiseModel
     >>> noise = NoiseModel(shot=(2e-4, 2e-4, 2e-4, 2e-4), read=(6e-4, 6e-4, 6e-4, 6e-4))
     >>> round(noise.sigma(3.0), 4)  # of a panchromatic sample at full scale
     0.0245
@@ -81,7 +81,7 @@ class NoiseModel:
         """Variance of samples, float32 like `signal`, scene units squared. plane: of all samples, or of each along the last axis.
 
         >>> import numpy as np
-        >>> from shared import NoiseModel
+        >>> from panchroma.shared import NoiseModel
         >>> noise = NoiseModel(shot=(0.25, 0.5), read=(0.0, 1.0))
         >>> noise.variance(np.array([-1.0, 2.0], np.float32), np.array([0, 1])).tolist()
         [0.0, 2.0]
@@ -124,7 +124,7 @@ class SensorCalibration:
     aberration: JSON text of the lateral chromatic aberration that a file names; "" = none. It is kept in files, and not used.
     lights: the colours under two lights; None = one. `camera_to_xyz` follows from them and from `neutral`, see `colours_under`.
 
-    >>> from shared import SensorCalibration
+    >>> from panchroma.shared import SensorCalibration
     >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
     >>> calibration.black_level, calibration.white_level
     ((256.0, 256.0, 256.0, 256.0), 3839)

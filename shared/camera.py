@@ -37,7 +37,7 @@ class Camera:
 
     >>> import json
     >>> from pathlib import Path
-    >>> from shared import Camera, CfaPattern, SensorCalibration, read_camera
+    >>> from panchroma.shared import Camera, CfaPattern, SensorCalibration, read_camera
     >>> camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), sensor="bench"), CfaPattern.bayer(6))
     >>> Path("camera.json").write_text(json.dumps(camera.to_json())) > 0
     True
@@ -147,7 +147,7 @@ def read_camera(path: Path | str) -> Camera:
     """The camera in a camera file. Raises InputError that names the file and what is wrong with it.
 
     >>> from pathlib import Path
-    >>> from shared import read_camera
+    >>> from panchroma.shared import read_camera
     >>> Path("camera.json").write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}') > 0
     True
     >>> read_camera("camera.json").calibration.gamma

@@ -53,7 +53,7 @@ def among(matrix: ArrayLike, channels: str) -> DoubleArray:
 
     The other channels have no colour.
 
-    >>> from shared.colorimetry import among
+    >>> from panchroma.shared.colorimetry import among
     >>> among([[1, 2, 3]] * 3, "GNRB")[0].tolist()
     [2.0, 0.0, 1.0, 3.0]
     """

@@ -29,8 +29,8 @@ def display_white(calibration: SensorCalibration, to_xyz: DoubleArray | None = N
     camera's matrix maps to D50, without a matrix (1, 1, 1).
     Raises InputError for channels of unknown colours, and when the camera's matrix maps the neutral to no possible white.
 
-    >>> from shared import SensorCalibration
-    >>> from shared.display import display_white
+    >>> from panchroma.shared import SensorCalibration
+    >>> from panchroma.shared.display import display_white
     >>> display_white(SensorCalibration(neutral=(0.5, 2.0, 1.0)))[0].tolist()
     [0.25, 1.0, 0.5]
     """

@@ -23,7 +23,7 @@ _SHOWN = 200  # characters of a wrong value in a message
 def parsed_json(text: str | bytes) -> Any:
     """The value in a JSON document, all of whose numbers are finite. Raises InputError that does not name the file.
 
-    >>> from shared.figures import parsed_json
+    >>> from panchroma.shared.figures import parsed_json
     >>> parsed_json('{"gamma": [0.9, 1.1, 0.8]}')
     {'gamma': [0.9, 1.1, 0.8]}
     """
@@ -39,7 +39,7 @@ def numbers(name: str, values: Any, count: int | None = None, *, depth: int = 1)
     count: how many there have to be; None = any number.
     depth: 2 for a list of such lists, 3 for a list of those.
 
-    >>> from shared.figures import numbers
+    >>> from panchroma.shared.figures import numbers
     >>> numbers("gamma", [1, 2.5, 3], 3), numbers("camera_to_xyz", [[1, 0], [0, 1]], depth=2)
     ((1.0, 2.5, 3.0), ((1.0, 0.0), (0.0, 1.0)))
     """
@@ -62,7 +62,7 @@ def numbers(name: str, values: Any, count: int | None = None, *, depth: int = 1)
 def size(name: str, value: Any) -> tuple[int, int]:
     """Return the (rows, columns) of a frame; InputError names the field.
 
-    >>> from shared.figures import size
+    >>> from panchroma.shared.figures import size
     >>> size("size", [480, 640])
     (480, 640)
     """
@@ -84,7 +84,7 @@ def built(kind: Callable[..., Built], document: Any, name: str) -> Built:
 def whole(name: str, value: Any) -> int:
     """A whole number, also one of NumPy's, as an int; InputError names the field otherwise.
 
-    >>> from shared.figures import whole
+    >>> from panchroma.shared.figures import whole
     >>> whole("white_level", 4095)
     4095
     """
@@ -99,7 +99,7 @@ def whole(name: str, value: Any) -> int:
 def shown(value: Any) -> str:
     """A value for a message, cut off where it is long.
 
-    >>> from shared.figures import shown
+    >>> from panchroma.shared.figures import shown
     >>> shown("x" * 1000)[-20:]
     'xxxxxxxxxxxxxxxxx...'
     """

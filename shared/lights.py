@@ -39,7 +39,7 @@ def illuminant_xy(name: str) -> Chromaticity:
 
     Raises InputError for anything else.
 
-    >>> from shared.lights import illuminant_xy
+    >>> from panchroma.shared.lights import illuminant_xy
     >>> [round(each, 3) for each in illuminant_xy("4000")]
     [0.38, 0.377]
     """
@@ -62,7 +62,7 @@ def illuminant_xy(name: str) -> Chromaticity:
 def temperature(white: Chromaticity) -> float:
     """Correlated colour temperature in kelvin (C. S. McCamy, Color Research & Application 17, 1992).
 
-    >>> from shared.lights import ILLUMINANTS, temperature
+    >>> from panchroma.shared.lights import ILLUMINANTS, temperature
     >>> [round(temperature(ILLUMINANTS[name])) for name in ("A", "D50", "D65")]
     [2857, 5002, 6505]
     """

@@ -23,7 +23,7 @@ class CaptureMetadata:
     place: latitude (north positive) and longitude (east positive), degrees; altitude: metres above the sea.
     Raises InputError for another orientation, zone or place, and for a number that is not positive.
 
-    >>> from shared import CaptureMetadata
+    >>> from panchroma.shared import CaptureMetadata
     >>> metadata = CaptureMetadata(make="Panchroma", exposure_time=1 / 250, f_number=2.8, iso=100)
     >>> metadata.orientation, metadata.lens
     (1, '')

@@ -25,7 +25,7 @@ class Mosaic:
     another shape.
 
     >>> import numpy as np
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> codes = np.full((12, 18), 3839, np.uint16)  # every pixel at the white level of 12 bits
     >>> mosaic = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
     >>> mosaic.shape, float(mosaic.signal[5, 5])  # scene units
@@ -129,7 +129,7 @@ class Mosaic:
         full scale where they saturate. Its calibration has no shading. Light times the panchromatic gain is that of the scene.
 
         >>> import numpy as np
-        >>> from shared import CfaPattern, Mosaic, SensorCalibration
+        >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
         >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
         >>> float(mosaic.evenly_shaded().signal[5, 5])
         3.0

@@ -16,8 +16,8 @@ class Block(NamedTuple):
 
     letters: of its pixels, row by row. steps: 1, or -1 along an axis (down, across) that is mirrored.
 
-    >>> from shared.networks import Block
-    >>> from shared.pattern import CfaPattern
+    >>> from panchroma.shared.networks import Block
+    >>> from panchroma.shared.pattern import CfaPattern
     >>> Block.of(CfaPattern.bayer(6, "BGGR")), Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
     (Block(letters=('RG', 'GB'), steps=(-1, -1)), Block(letters=('RG', 'BW'), steps=(1, -1)))
     """

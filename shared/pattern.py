@@ -37,7 +37,7 @@ class CfaPattern:
     channels: the order of the channels in every array; by default "RGB" for those three, otherwise their order in the tile.
     Raises InputError for any other tile, and for channels that are not the tile's letters.
 
-    >>> from shared import CfaPattern
+    >>> from panchroma.shared import CfaPattern
     >>> pattern = CfaPattern.bayer(period=4, order="RGGB")
     >>> pattern.tile
     ('RGWW', 'GBWW', 'WWWW', 'WWWW')
@@ -99,7 +99,7 @@ class CfaPattern:
         letters: rows separated by "/", blanks or lines. A tile that is not square, or too small, is repeated.
         Raises InputError that lists the names for a text that is neither.
 
-        >>> from shared import CfaPattern
+        >>> from panchroma.shared import CfaPattern
         >>> CfaPattern.of_letters("RG/BW").tile
         ('RGRG', 'BWBW', 'RGRG', 'BWBW')
         >>> CfaPattern.of_letters("kodak").tile
@@ -126,7 +126,7 @@ class CfaPattern:
     def from_json(cls, document: Any) -> "CfaPattern":
         """Return the pattern in a JSON object with "tile", "origin" and "channels". Raises InputError for anything else.
 
-        >>> from shared import CfaPattern
+        >>> from panchroma.shared import CfaPattern
         >>> CfaPattern.from_json({"tile": ["RGW", "GBW", "WWW"]}) == CfaPattern.bayer(3)
         True
         """

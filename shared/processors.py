@@ -42,7 +42,7 @@ chosen = _Chosen()
 def available_threads() -> int:
     """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or one per processor.
 
-    >>> from shared.processors import available_threads
+    >>> from panchroma.shared.processors import available_threads
     >>> available_threads() >= 1
     True
     """
@@ -53,7 +53,7 @@ def available_threads() -> int:
 def threads() -> int:
     """The number of threads that stages and previews called from this thread use.
 
-    >>> from shared.processors import threads
+    >>> from panchroma.shared.processors import threads
     >>> threads() >= 1
     True
     """
@@ -65,7 +65,7 @@ def use_threads(count: int) -> None:
 
     For programs: libraries should leave this choice to them. Raises ValueError for less than 1.
 
-    >>> from shared.processors import threads, use_threads
+    >>> from panchroma.shared.processors import threads, use_threads
     >>> before = threads()
     >>> use_threads(1)
     >>> threads()

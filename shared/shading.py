@@ -37,7 +37,7 @@ class Shading:
     residual: how far the flat frames are from it, beyond their noise: root mean square, as a share of the light.
     Raises InputError that names the field.
 
-    >>> from shared import Shading
+    >>> from panchroma.shared import Shading
     >>> even = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))
     >>> even.of_plane((800, 1200), 0, slice(0, 2), slice(0, 3)).tolist()
     [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
@@ -85,7 +85,7 @@ class Shading:
     def zoomed(self, focal_length: float | None) -> str:
         """A note on a shot at this focal length, millimetres: "" unless this was measured at another one.
 
-        >>> from shared import Shading
+        >>> from panchroma.shared import Shading
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
         'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
         """
@@ -133,7 +133,7 @@ class Shading:
     def words(self) -> str:
         """Its size and focal length, for people.
 
-        >>> from shared import Shading
+        >>> from panchroma.shared import Shading
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).words
         '0.00 stops, 0.0 % between colours at 35 mm'
         """
@@ -147,7 +147,7 @@ def spline_weights(t: DoubleArray) -> DoubleArray:
     The places lie between the second and the third control point.
 
     >>> import numpy as np
-    >>> from shared.shading import spline_weights
+    >>> from panchroma.shared.shading import spline_weights
     >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
     [1.0, 4.0, 1.0, 0.0]
     """
@@ -162,7 +162,7 @@ def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     place: pixels, the middle of the first one is 0.
 
     >>> import numpy as np
-    >>> from shared.shading import basis
+    >>> from panchroma.shared.shading import basis
     >>> basis(100, 5, np.array([0.0, 49.5, 99.0])).sum(axis=1).round(12).tolist()
     [1.0, 1.0, 1.0]
     """

@@ -16,8 +16,8 @@ _NEAR, _CHANNELS = 0.35, 0.4  # correlation of errors one pixel apart, and of tw
 def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
     """`correlation` to the power of the distance in pixels between two sites of a block, float64 (S, S).
 
-    >>> from shared import CfaPattern
-    >>> from shared.site_errors import nearness
+    >>> from panchroma.shared import CfaPattern
+    >>> from panchroma.shared.site_errors import nearness
     >>> nearness(CfaPattern.bayer(6), 0.5)[0].round(2).tolist()  # one pixel apart: 0.5; diagonally: less
     [1.0, 0.5, 0.5, 0.38]
     """
@@ -31,8 +31,8 @@ def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
 
     Channels are in units of luminance: each is multiplied by its gamma (Eq. 7).
 
-    >>> from shared import CfaPattern
-    >>> from shared.site_errors import error_correlation
+    >>> from panchroma.shared import CfaPattern
+    >>> from panchroma.shared.site_errors import error_correlation
     >>> correlation, measured = error_correlation(CfaPattern.bayer(6))
     >>> correlation.shape, measured
     ((12, 12), [0, 4, 7, 11])

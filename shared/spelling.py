@@ -10,7 +10,7 @@ _CLOSE = 0.6  # of 1, by difflib: "bset" and "best" have 0.75
 def closest(word: str, known: Iterable[str]) -> str | None:
     """The known word that begins with `word`, or else resembles it most; None if none does. Capitals do not count.
 
-    >>> from shared.spelling import closest
+    >>> from panchroma.shared.spelling import closest
     >>> closest("rendr", ("render", "burst")), closest("canon", ("render", "burst"))
     ('render', None)
     """
@@ -23,7 +23,7 @@ def closest(word: str, known: Iterable[str]) -> str | None:
 def meant(word: str, known: Iterable[str]) -> str:
     """The end of a message: "; did you mean X?" for the `closest` known word; "" if none resembles it.
 
-    >>> from shared.spelling import meant
+    >>> from panchroma.shared.spelling import meant
     >>> meant("Kodk", ("kodak", "sony"))
     '; did you mean kodak?'
     """

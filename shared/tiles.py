@@ -24,7 +24,7 @@ _SPARSE = {"scf1wbwg": (0, 0), "scf1wgwb": (0, 2), "scf1wgwr": (2, 0), "scf1wrwg
 def letters_of(text: str) -> str | None:
     """The letters of the tile with this name; None if no tile has it.
 
-    >>> from shared.tiles import letters_of
+    >>> from panchroma.shared.tiles import letters_of
     >>> letters_of("kodak"), letters_of("K = 3"), letters_of("RG/BW")
     ('WBWG/BWGW/WGWR/GWRW', 'RGW/GBW/WWW', None)
     """
@@ -42,7 +42,7 @@ def letters_of(text: str) -> str | None:
 def name_of(tile: tuple[str, ...]) -> str:
     """The name of a tile, wherever in it the rows and columns begin; "" if it has none.
 
-    >>> from shared.tiles import name_of
+    >>> from panchroma.shared.tiles import name_of
     >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")), name_of(("RGW", "GWW", "WWB"))
     ('Kodak', 'K=4', '')
     """
@@ -52,7 +52,7 @@ def name_of(tile: tuple[str, ...]) -> str:
 def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
     """Name of a tile, and the (row, column) in it at which the letters of that name begin; "" and (0, 0) if it has none.
 
-    >>> from shared.tiles import place_of
+    >>> from panchroma.shared.tiles import place_of
     >>> place_of(("GWRW", "WBWG", "BWGW", "WGWR"))
     ('Kodak', (1, 0))
     """

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.noise import PaperProtocol
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.bayer import sample_bayer
+from panchroma.tools.simulation.noise import PaperProtocol
 
 
 def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator) -> FloatArray:

@@ -43,7 +43,7 @@ def compiled() -> None:
     Where tests run in several processes, the second begins at the other end: each finds on the disk what the other has compiled.
     A process that has compiled kernels has to render the bytes that all others render, which load them. No later test could tell.
     """
-    from offline import available_threads, compile_kernel, kernels_to_compile
+    from panchroma.offline import available_threads, compile_kernel, kernels_to_compile
     from tests.golden import render as golden
 
     if names := kernels_to_compile():

@@ -14,7 +14,8 @@ import sys
 allowed = set({allowed!r}) | set(sys.stdlib_module_names)
 class Hide:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] not in allowed:
+        package, _, below = name.partition(".")
+        if package not in allowed or (package == "panchroma" and below and below.partition(".")[0] not in {ours!r}):
             raise ModuleNotFoundError(f"No module named {{name!r}}: a camera does not have it", name=name)
 sys.meta_path.insert(0, Hide())
 """
@@ -32,7 +33,7 @@ def on_camera(
     script: str, *arguments: str, ours: tuple[str, ...] = ("shared", "device"), stdin: bytes = b""
 ) -> subprocess.CompletedProcess[bytes]:
     """A script that is run where every package is hidden but `ours` and the base dependencies."""
-    hidden = _HIDE.format(allowed=sorted({*base_modules(), *ours}))
+    hidden = _HIDE.format(allowed=sorted({*base_modules(), "panchroma"}), ours=ours)
     line = [sys.executable, "-c", hidden + script, *arguments]
     return subprocess.run(line, input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120)
 

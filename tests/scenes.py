@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from shared import Shading
-from shared.arrays import FloatArray
+from panchroma.shared import Shading
+from panchroma.shared.arrays import FloatArray
 
 
 def leaves(height: int, width: int, seed: int = 1) -> FloatArray:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from panchroma.shared.arrays import DoubleArray
 
 _READINGS = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 CAMERAS = tuple(_READINGS)

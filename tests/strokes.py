@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
-from tools.evaluation.metrics import BORDER
+from panchroma.shared.arrays import FloatArray, IndexArray
+from panchroma.tools.evaluation.metrics import BORDER
 
 WIDTHS = (8, 12, 16, 24, 36)
 """Pixels across a stroke."""

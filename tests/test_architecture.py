@@ -19,7 +19,6 @@ MAY_IMPORT = {
     "offline": {"offline", "shared"},
     "tools": {"tools", "device", "offline", "shared"},
 }
-OURS = {*MAY_IMPORT, "panchroma", "tests"}  # the last two are at the top: nobody imports them
 # The layers of `tools`, from the ground up: a module imports from its own layer and from those below.
 LAYERS = (
     {"io", "simulation"},
@@ -28,25 +27,32 @@ LAYERS = (
 )
 LAYER_OF = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools
-FORWARD = ("tools.simulation.sensor", "tools.io.display", "tools.io.colour")  # but for what makes and shows their pictures
+FACADE = "panchroma.tools.notebook.panchroma."  # where its files lie
+FORWARD = (  # but for what makes and shows their pictures
+    "panchroma.tools.simulation.sensor",
+    "panchroma.tools.io.display",
+    "panchroma.tools.io.colour",
+)
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides, bursts OpenCV.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite", "cv2"}}
 # Packages that only these modules, and what is below them, may import.
 ONLY_IN = {
-    "onnx": ("tools.training",),
-    "numba": ("offline.numerics",),
-    "llvmlite": ("offline.numerics",),
-    "onnxruntime": ("shared.runtime",),
-    "gi": ("tools.capture.genicam",),
+    "onnx": ("panchroma.tools.training",),
+    "numba": ("panchroma.offline.numerics",),
+    "llvmlite": ("panchroma.offline.numerics",),
+    "onnxruntime": ("panchroma.shared.runtime",),
+    "gi": ("panchroma.tools.capture.genicam",),
 }
 
 
 @cache
 def sources() -> list[tuple[str, str]]:
-    """(dotted name, text) of every module of the four packages."""
+    """(dotted name, text) of every module of the four packages and of the facade."""
     paths = [path.relative_to(ROOT) for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
-    return [(".".join(path.with_suffix("").parts), (ROOT / path).read_text(encoding="utf-8")) for path in paths]
+    names = ("panchroma." + ".".join(path.with_suffix("").parts) for path in paths)
+    texts = ((ROOT / path).read_text(encoding="utf-8") for path in paths)
+    return [(name.replace(FACADE, "panchroma."), text) for name, text in zip(names, texts, strict=True)]
 
 
 @cache
@@ -72,25 +78,30 @@ def imported(module: str, text: str) -> Iterator[str]:
                 yield name
 
 
-def room(module: str) -> str:
-    """The room that a module belongs to: a room of `tools`, or one of the other packages."""
-    package, _, inside = module.partition(".")
-    return inside.partition(".")[0] if package == "tools" else package
+def place(name: str) -> tuple[str, str]:
+    """The package of a module, and its room if the package is `tools`; the facade is the room `notebook`."""
+    top, *below = name.split(".")
+    if top != "panchroma":
+        return top, ""
+    if below and below[0] in MAY_IMPORT:
+        return below[0], below[1] if below[0] == "tools" and len(below) > 1 else ""
+    return "tools", "notebook"
 
 
 def violations(module: str, text: str) -> list[str]:
     """A line for each import of a module that is not allowed."""
-    package = module.partition(".")[0]
+    package, room = place(module)
     found = []
     for name in imported(module, text):
-        target = name.partition(".")[0]
-        if target in OURS and target not in MAY_IMPORT[package]:
+        target, other_room = place(name)
+        ours = name.partition(".")[0] == "panchroma"
+        if target == "tests" or (ours and target not in MAY_IMPORT[package]):
             found.append(f"{module} imports {name}: {package} may import only {', '.join(sorted(MAY_IMPORT[package]))}")
-        elif target == package == "tools" and LAYER_OF.get(room(name), 0) > LAYER_OF.get(room(module), len(LAYERS)):
+        elif ours and LAYER_OF.get(other_room, 0) > LAYER_OF.get(room, len(LAYERS)):
             found.append(f"{module} imports {name}, which is in a layer above")
         elif target in ONLY_IN and not any(f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]):
             found.append(f"{module} imports {name}: only {', '.join(ONLY_IN[target])} may")
-        elif target not in OURS | set(sys.stdlib_module_names) | set(ONLY_IN) and target not in THIRD_PARTY.get(package, {target}):
+        elif not ours and target not in {*sys.stdlib_module_names, *ONLY_IN, *THIRD_PARTY.get(package, {target})}:
             found.append(f"{module} imports {name}: {package} may use only {', '.join(sorted(THIRD_PARTY[package]))}")
     return found
 
@@ -100,7 +111,8 @@ def test_every_arrow_is_in_the_diagram() -> None:
 
 
 def test_every_module_of_tools_is_in_a_layer() -> None:
-    assert {room(module) for module, _ in sources() if module.startswith("tools.")} - {"__init__"} == set(LAYER_OF)
+    rooms = {room for package, room in (place(module) for module, _ in sources()) if package == "tools"}
+    assert rooms - {"__init__"} == set(LAYER_OF)
 
 
 def test_lower_floors_are_tested_without_the_upper_one() -> None:
@@ -111,7 +123,7 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
     while waiting:
         path = waiting.pop()
         names = list(imported("tests.x", path.read_text("utf-8")))
-        above = [name for name in names if "tools" in name.split(".")[:2] and not name.startswith(FORWARD)]
+        above = [name for name in names if "tools" in name.split(".")[:3] and not name.startswith(FORWARD)]
         found += [f"{path.relative_to(ROOT)} imports {name}" for name in above]
         modules = {ROOT.joinpath(*parts).with_suffix(".py") for name in names for parts in (name.split("."), name.split(".")[:-1])}
         more = {each for each in modules if each.is_relative_to(ROOT / "tests") and each.is_file()} - seen
@@ -122,27 +134,27 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
         name
         for module in FORWARD
         for name in imported(module, dict(sources())[module])
-        if name.startswith("tools") and not name.startswith(FORWARD)
+        if name.startswith("panchroma.tools") and not name.startswith(FORWARD)
     ] == []
 
 
 @pytest.mark.parametrize(
     ("module", "text"),
     [
-        ("shared.pattern", "import offline"),
-        ("device.capture", "import offline.stages.luminance as light"),
-        ("offline.render", "def later():\n    from tools.evaluation.metrics import psnr"),
-        ("offline.numerics.solver", "from tests.reference import affinity"),
-        ("device.preview.preview", "if True:\n    import cv2"),
-        ("device.graphs", "import onnx"),
-        ("offline.stages.affinity", "from numba import njit"),
-        ("shared.dng.file", "from ...device import runtime"),
-        ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
-        ("device.preview", "__import__('scipy')"),
-        ("tools.io.picture", "from ..batch.jobs import own_file"),
-        ("tools.simulation.load", "from tools.evaluation.study import Study"),
-        ("tools.batch.run", "from tools.notebook.panchroma import shots"),
-        ("tools.calibration.measure", "from tools.commands import calibrate"),
+        ("panchroma.shared.pattern", "import offline"),
+        ("panchroma.device.capture", "import offline.stages.luminance as light"),
+        ("panchroma.offline.render", "def later():\n    from ..tools.evaluation.metrics import psnr"),
+        ("panchroma.offline.numerics.solver", "from tests.reference import affinity"),
+        ("panchroma.device.preview.preview", "if True:\n    import cv2"),
+        ("panchroma.device.graphs", "import onnx"),
+        ("panchroma.offline.stages.affinity", "from numba import njit"),
+        ("panchroma.shared.dng.file", "from ...device import runtime"),
+        ("panchroma.shared.pattern", "import importlib\nimportlib.import_module('panchroma.offline.render')"),
+        ("panchroma.device.preview", "__import__('scipy')"),
+        ("panchroma.tools.io.picture", "from ..batch.jobs import own_file"),
+        ("panchroma.tools.simulation.load", "from panchroma.tools.evaluation.study import Study"),
+        ("panchroma.tools.batch.run", "from panchroma import shots"),
+        ("panchroma.tools.calibration.measure", "from panchroma.tools.commands import calibrate"),
     ],
 )
 def test_a_planted_import_is_caught(module: str, text: str) -> None:
@@ -151,6 +163,6 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
 
 def test_camera_software_starts_with_only_what_a_camera_has() -> None:
     """Imports all of `shared` and `device`; every package that a camera lacks is hidden."""
-    modules = [module.removesuffix(".__init__") for module, _ in sources() if module.startswith(("shared.", "device."))]
+    modules = [module.removesuffix(".__init__") for module, _ in sources() if place(module)[0] in ("shared", "device")]
     done = on_camera(f"import importlib\nfor module in {modules!r}: importlib.import_module(module)")
     assert done.returncode == 0, done.stderr

@@ -7,10 +7,8 @@ from types import FunctionType, ModuleType
 
 import pytest
 
-import device
-import offline
 import panchroma
-import shared
+from panchroma import device, offline, shared
 from tests.test_architecture import sources
 
 PUBLIC = [(module, name) for module in (shared, device, offline, panchroma) for name in module.__all__]
@@ -27,9 +25,9 @@ def test_a_public_name_has_an_example(module: ModuleType, name: str) -> None:
 def test_the_examples_of_a_module_are_true(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    if name.startswith("offline."):
+    if name.startswith("panchroma.offline."):
         request.getfixturevalue("compiled")  # an example shows what is said of compiling: nothing, where all is done
-    module = import_module(name.removeprefix("tools.notebook.").removesuffix(".__init__"))
+    module = import_module(name.removesuffix(".__init__"))
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     said: list[str] = []
     for number, test in enumerate(doctest.DocTestFinder().find(module)):

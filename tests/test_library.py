@@ -54,8 +54,8 @@ import device, offline, shared
 said("import")
 """
 WORK = """
-from offline.burst import merge_burst, render_burst_bands
-from tools.simulation.sensor import simulate_additive
+from panchroma.offline.burst import merge_burst, render_burst_bands
+from panchroma.tools.simulation.sensor import simulate_additive
 scene = np.full((48, 60, 3), 0.3, np.float32)
 scene[:, 30:] = 0.5, 0.2, 0.1
 calibration = shared.SensorCalibration.of_bits(12)

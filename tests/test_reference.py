@@ -6,8 +6,8 @@ import pywt
 from scipy import ndimage, optimize
 from scipy.sparse import csr_array, diags_array
 
-from shared import CfaPattern
-from shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray
 from tests.reference import affinity, chromaticity, gaussian, geometry, luminance, propagation, refinement
 from tests.reference.compare import assert_close
 

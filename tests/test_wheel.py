@@ -18,14 +18,14 @@ _BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel
 _USE = """
 import sys
 sys.path.insert(0, sys.argv[1])
-import panchroma, offline
-for module in (panchroma, offline):
+import panchroma, panchroma.offline
+for module in (panchroma, panchroma.offline):
     assert module.__file__.startswith(sys.argv[1]), module.__file__
 shot = panchroma.simulate("builtin:96x72", sigma=0.01)
 shot.save("shot.dng")
 assert panchroma.open("shot.dng").shape == (72, 96)
 panchroma.to_srgb(shot.truth).save("truth.png")
-from tools.cli import main
+from panchroma.tools.cli import main
 main(["preview", "shot.dng", "-o", "."])
 """
 
@@ -37,7 +37,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("setuptools", minversion="77", reason=reason)
     sources, folder = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("installed")
     for package in PACKAGES:  # a copy: setuptools leaves its work beside the sources
-        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"), symlinks=True)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
     run_python(_BUILD, folder, folder=sources)
@@ -53,14 +53,16 @@ def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> N
     for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*")):
         place = path.relative_to(ROOT)
         if place.is_relative_to(_FACADE):
-            place = "panchroma" / place.relative_to(_FACADE)
+            place = place.relative_to(_FACADE)
         elif place.is_relative_to(_FACADE.parent):  # the notebook, and what it writes
             continue
+        place = "panchroma" / place
         if path.is_file() and path.suffix not in _READ and "__pycache__" not in place.parts:
             wanted.add(place)
     found = {path.relative_to(installed) for path in installed.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     assert {path for path in found if not path.parts[0].endswith(".dist-info")} == wanted
-    assert {path.parts[0] for path in found if path.name == "py.typed"} == {*PACKAGES, "panchroma"}
+    assert {path.parts[0] for path in found if not path.parts[0].endswith(".dist-info")} == {"panchroma"}
+    assert {path.parent.name for path in found if path.name == "py.typed"} == {*PACKAGES, "panchroma"}
 
 
 def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from tools.batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
-from tools.batch.signals import INTERRUPTED, Terminated, orderly_end
-from tools.io.versions import program_version
+from .batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
+from .batch.signals import INTERRUPTED, Terminated, orderly_end
+from .io.versions import program_version
 
 # Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has `add_arguments(parser)` and
 # `run(arguments, console)`, which returns the exit code. Only the requested one is imported, so that --help is fast.
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 code = verb.run(parsed, console)
             finally:
                 if code:
-                    from tools.batch.jobs import remove_unused_folders  # not at the top: it imports NumPy
+                    from .batch.jobs import remove_unused_folders  # not at the top: it imports NumPy
 
                     remove_unused_folders()
                 console.close()
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     except StandardOutputError as error:
         code = _without_stdout(error, console)
     except Exception as error:
-        from shared.errors import PanchromaError
+        from ..shared.errors import PanchromaError
 
         expected = isinstance(error, PanchromaError)
         console.error(str(error) if expected else fault(error), cause=error)
@@ -165,7 +165,7 @@ def _refuse_removed(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
 
 
 def _module(verb: str) -> ModuleType:
-    return importlib.import_module(f"tools.commands.{verb}")
+    return importlib.import_module(f"panchroma.tools.commands.{verb}")
 
 
 def _open_streams() -> None:

@@ -14,10 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import ByteArray, CodeArray, DoubleArray
-from shared.errors import InputError
-
+from ...shared import CfaPattern, SensorCalibration
+from ...shared.arrays import ByteArray, CodeArray, DoubleArray
+from ...shared.errors import InputError
 from .frames import FORMATS, RawFrame, Sensor
 from .tiles import Tiles
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
-from shared.errors import InputError
-
+from ...shared.errors import InputError
 from .frames import FrameLayout, RawFrame
 
 _POLL = 0.2  # seconds between two scans of the folder

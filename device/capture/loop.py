@@ -6,10 +6,9 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
-from shared import Mosaic
-from shared.arrays import ByteArray
-from shared.errors import InputError
-
+from ...shared import Mosaic
+from ...shared.arrays import ByteArray
+from ...shared.errors import InputError
 from .frames import RawFrame, Sensor
 from .shots import ShotFolder
 from .white_balance import SteadyWhite

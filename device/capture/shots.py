@@ -12,12 +12,12 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from shared import Mosaic
-from shared.arrays import ByteArray
-from shared.dng import encode_dng
-from shared.errors import InputError, OutputError
-from shared.series import frame_name
-from shared.writing import durable_file, part_path, reason, sweep
+from ...shared import Mosaic
+from ...shared.arrays import ByteArray
+from ...shared.dng import encode_dng
+from ...shared.errors import InputError, OutputError
+from ...shared.series import frame_name
+from ...shared.writing import durable_file, part_path, reason, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
-from shared.pattern import CfaPattern
+from ...shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
+from ...shared.pattern import CfaPattern
 
 _WINDOW = 17  # pixels, along the squares of local means
 _FLAT = 0.25  # codes: differences below this are rounding

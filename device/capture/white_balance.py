@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.mosaic import Mosaic
-from shared.white_balance import balanced, estimate_neutral
+from ...shared.arrays import DoubleArray
+from ...shared.mosaic import Mosaic
+from ...shared.white_balance import balanced, estimate_neutral
 
 _FOLLOWS = 1 / 16  # part of the way to a new frame's own estimate: half of a change of light is followed in eleven frames
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import CodeArray, IndexArray
-from shared.pattern import CfaPattern
+from ...shared.arrays import CodeArray, IndexArray
+from ...shared.pattern import CfaPattern
 
 Span = tuple[int, int]
 

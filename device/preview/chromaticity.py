@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.display import SATURATED
-
+from ...shared.display import SATURATED
 from .luminance import Blocks, Probes
 from .nodes import END
 from .pattern_graph import PatternGraph

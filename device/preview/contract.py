@@ -28,7 +28,7 @@ Metadata: panchroma.contract (VERSION), .builder, .tile (letters from the first 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from shared.pattern import CfaPattern
+from ...shared.pattern import CfaPattern
 
 VERSION = "3"
 

@@ -6,9 +6,8 @@ applied to the codes, which become as fine as 16 bits allow: for 12 bits and two
 
 import numpy as np
 
-from shared.arrays import CodeArray, FloatArray, strips
-from shared.mosaic import Mosaic
-
+from ...shared.arrays import CodeArray, FloatArray, strips
+from ...shared.mosaic import Mosaic
 from . import contract
 
 _HIGHEST = (1 << 16) - 1
@@ -20,8 +19,8 @@ def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     Its own codes, and no inputs, where it has no shading.
 
     >>> import numpy as np
-    >>> from device.preview.even_light import even_light
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration, Shading
+    >>> from panchroma.device.preview.even_light import even_light
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
     >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(), (12, 18)))
     >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), calibration))
     >>> round(float((codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]), 3)  # scene units

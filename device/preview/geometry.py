@@ -20,11 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
-from shared.errors import InputError
-from shared.pattern import CfaPattern
-from shared.site_errors import error_correlation
-
+from ...shared.arrays import DoubleArray, FloatArray, IndexArray
+from ...shared.errors import InputError
+from ...shared.pattern import CfaPattern
+from ...shared.site_errors import error_correlation
 from .surroundings import UNIT, Place, Surroundings, exact
 
 REACH = 1, 2

@@ -10,8 +10,7 @@ reductions, and allows convolutions only for exact sums (in `luminance`) and for
 where processors without that instruction round otherwise.
 """
 
-from shared.pattern import CfaPattern
-
+from ...shared.pattern import CfaPattern
 from . import contract
 from .chromaticity import estimate_parts, pool, propagate
 from .luminance import fill_holes, mean_light, measure_blocks, pixel_light, settle

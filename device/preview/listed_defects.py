@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from shared.arrays import CodeArray, IndexArray
-from shared.pattern import CfaPattern
+from ...shared.arrays import CodeArray, IndexArray
+from ...shared.pattern import CfaPattern
 
 _SAMPLES = 6  # in a median: those beside a pixel without one of its rows or columns
 _SEARCHED = 12, 400  # samples, the nearest first, of which the good ones are taken; the second for clusters, lines and edges
@@ -19,8 +19,8 @@ def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[
     defects: (row, column) of each; those outside of the frame are ignored, those far from good samples of their filter stay.
 
     >>> import numpy as np
-    >>> from device.preview.listed_defects import without_defects
-    >>> from shared import CfaPattern
+    >>> from panchroma.device.preview.listed_defects import without_defects
+    >>> from panchroma.shared import CfaPattern
     >>> codes = np.full((12, 12), 100, np.uint16)
     >>> codes[5, 5] = 4095
     >>> int(without_defects(codes, CfaPattern.bayer(6), ((5, 5),))[5, 5])

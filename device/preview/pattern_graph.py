@@ -1,7 +1,6 @@
 """A preview graph under construction: the geometry of its pattern, and its inputs in the units of the graph."""
 
-from shared.pattern import CfaPattern
-
+from ...shared.pattern import CfaPattern
 from . import contract
 from .geometry import REACH, Geometry
 from .nodes import Nodes

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.display import SATURATED
-
+from ...shared.display import SATURATED
 from . import contract
 from .pattern_graph import PatternGraph
 

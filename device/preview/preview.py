@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import processors
-from shared.arrays import ByteArray, FloatArray
-from shared.calibration import SensorCalibration
-from shared.display import display_white
-from shared.errors import InputError
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-from shared.runtime import session
-
+from ...shared import processors
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.calibration import SensorCalibration
+from ...shared.display import display_white
+from ...shared.errors import InputError
+from ...shared.mosaic import Mosaic
+from ...shared.pattern import CfaPattern
+from ...shared.runtime import session
 from . import contract
 from .border import ExtendedFrame, Span
 from .even_light import even_light
@@ -38,8 +37,8 @@ class Preview:
     Raises InputError when the pattern has no preview of this scale.
 
     >>> import numpy as np
-    >>> from device import Preview
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.device import Preview
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> pattern = CfaPattern.bayer(6)
     >>> white = np.where(pattern.panchromatic_mask((120, 180)), 3.0, 1.0)  # a white surface, scene units
     >>> mosaic = Mosaic(white, pattern, SensorCalibration.of_bits(12))

@@ -9,8 +9,8 @@ from itertools import product
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
-from shared.pattern import CfaPattern
+from ...shared.arrays import BoolArray, DoubleArray
+from ...shared.pattern import CfaPattern
 
 Place = tuple[int, int]
 

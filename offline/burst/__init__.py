@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError
-from shared.mosaic import Mosaic
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.errors import InputError
+from ...shared.mosaic import Mosaic
+from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..memory import burst_memory
 from ..parts import RowStage

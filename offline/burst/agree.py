@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum_filter
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray, strips
-from shared.mosaic import Mosaic
-
+from ...shared.arrays import ByteArray, DoubleArray, FloatArray, strips
+from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
 from .align import DEVIATIONS, TINY, View

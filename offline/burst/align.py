@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray
-from shared.calibration import NoiseModel
-
+from ...shared.arrays import BoolArray, FloatArray
+from ...shared.calibration import NoiseModel
 from ..numerics.gaussian import smoothed
 from .motion import Motion, displaced
 

@@ -17,9 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
-from shared.arrays import ByteArray, FloatArray, IndexArray
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import ByteArray, FloatArray, IndexArray
+from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed

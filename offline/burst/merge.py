@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-
+from ...shared.arrays import FloatArray
+from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel

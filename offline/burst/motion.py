@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
-
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.errors import InputError
 from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.interpolation import interpolated
@@ -34,7 +33,7 @@ class Motion:
 
     Raises InputError for figures that are not finite, and for another shape of `local`.
 
-    >>> from offline.burst import Motion
+    >>> from panchroma.offline.burst import Motion
     >>> turn, start = Motion((2.0, -1.0)).affine((101, 101))
     >>> (turn @ (10, 20) + start).tolist()
     [12.0, 19.0]
@@ -145,7 +144,7 @@ def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArr
 
     y, x: arrays of one shape, or that NumPy brings to one. shape: (H, W) of both frames. Points and places may lie outside.
 
-    >>> from offline.burst import Motion, in_frame
+    >>> from panchroma.offline.burst import Motion, in_frame
     >>> in_frame(Motion((2.0, -1.0)), 10, 20, (101, 101)).tolist()
     [12.0, 19.0]
     """

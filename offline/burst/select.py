@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, FloatArray
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import BoolArray, ByteArray, FloatArray
+from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
+from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
 from ..render import restored
@@ -105,8 +104,8 @@ def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, 
     frames: of any cameras and sizes. reference: index of a frame that stays, whatever it is a copy of; None = of any.
 
     >>> import numpy as np
-    >>> from offline.burst import copies
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline.burst import copies
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed in (1, 2))
     >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other, one.copy())])
     {2: 0}

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from numba import types
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 
 Scalar: TypeAlias = float | np.floating[Any]
 Single = Annotated[Scalar, types.float32]

@@ -21,8 +21,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from shared.processors import threads
-
+from ...shared.processors import threads
 from .arrays import Pair
 from .pieces import in_pieces
 
@@ -181,7 +180,7 @@ def parallel_kernel(
 def kernel_cache() -> Path:
     """The folder in which compiled kernels are kept. Raises RuntimeError when there is no folder that can be written.
 
-    >>> from offline import kernel_cache
+    >>> from panchroma.offline import kernel_cache
     >>> kernel_cache().is_absolute()
     True
     """
@@ -196,8 +195,8 @@ def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
     most: how many there are in all. Not every render needs all of them.
 
     >>> import numpy as np
-    >>> from offline import PAPER, compilation, render
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.offline import PAPER, compilation, render
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
     >>> with compilation(lambda number, most: print("compiling", number, "of", most)):  # nothing if all are in the cache
     ...     rendering = render(mosaic, PAPER)

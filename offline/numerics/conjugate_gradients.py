@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from ...shared.arrays import FloatArray
 from .arrays import Doubles1, Floats1, Floats2, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import unset, zeros

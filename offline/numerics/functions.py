@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-
+from ...shared.arrays import FloatArray
 from .arrays import Area, Pair, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-
+from ...shared.arrays import FloatArray
 from .arrays import Floats1, Floats2, Frozen2, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored

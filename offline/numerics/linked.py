@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.progress import Progress
-
+from ...shared.arrays import FloatArray
+from ...shared.progress import Progress
 from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes, solve

@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import STRIP, strips
-from shared.processors import chosen, threads
+from ...shared.arrays import STRIP, strips
+from ...shared.processors import chosen, threads
 
 Number = TypeVar("Number", bound=np.generic)
 

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from shared.arrays import DoubleArray, IndexArray
-from shared.errors import ConvergenceError
-from shared.progress import SILENT, Progress
+from ...shared.arrays import DoubleArray, IndexArray
+from ...shared.errors import ConvergenceError
+from ...shared.progress import SILENT, Progress
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Solved:
     iterations: how many it used.
     residual: what was left after them, 0 or more. What it measures depends on the solver: see `Rendering.solvers`.
 
-    >>> from offline import Solved
+    >>> from panchroma.offline import Solved
     >>> Solved(iterations=41, residual=9.7e-4).iterations
     41
     """
@@ -29,9 +29,9 @@ class SolverLog(Progress):
     solvers: what each solver did so far, by its name (see `Rendering.solvers`).
 
     >>> import numpy as np
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> from offline import PAPER, SolverLog, render_bands
+    >>> from panchroma.offline import PAPER, SolverLog, render_bands
     >>> log = SolverLog()
     >>> rows = sum(len(band) for band in render_bands(mosaic, PAPER, log))
     >>> log.solvers["luminance"].iterations

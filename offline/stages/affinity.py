@@ -22,11 +22,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray
-from shared.block_grid import BlockGrid
-from shared.pattern import CfaPattern
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import BoolArray, FloatArray
+from ...shared.block_grid import BlockGrid
+from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, linked_sum, planes, product, solve

@@ -19,9 +19,8 @@ from typing import Annotated
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import BORDER, DoubleArray, FloatArray
+from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned
 from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3
 from ..numerics.compile import Pieces, kernel, parallel_kernel

@@ -37,8 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray, strips
-
+from ...shared.arrays import FloatArray, strips
 from ..frame import Cleaned, Sites, unclipped_blocks
 from ..measured import EVEN, ColourLines
 from ..numerics.arrays import Floats1, Floats2, Floats3

@@ -27,10 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray, mirrored
-from shared.networks import Block, load_network, network_for
-from shared.pattern import CfaPattern
-
+from ...shared.arrays import FloatArray, IndexArray, mirrored
+from ...shared.networks import Block, load_network, network_for
+from ...shared.pattern import CfaPattern
 from ..frame import Sites
 from ..measured import BlockSamples
 from ..numerics.pieces import copied, in_pieces
@@ -64,8 +63,8 @@ Span = tuple[int, int]
 def network_name(pattern: CfaPattern) -> str | None:
     """Return the name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
 
-    >>> from offline import network_name
-    >>> from shared import CfaPattern
+    >>> from panchroma.offline import network_name
+    >>> from panchroma.shared import CfaPattern
     >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(7))
     ('rggb-k6', None)
     """

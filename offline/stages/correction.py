@@ -26,9 +26,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.site_errors import nearness
-
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.site_errors import nearness
 from ..frame import Cleaned, Sites, curvature, unclipped_blocks
 from ..measured import EVEN, BlockSamples
 from ..numerics.gaussian import gaussian, smoothed

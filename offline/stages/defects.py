@@ -26,11 +26,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
+from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
+from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned, sum_noise
 from ..numerics.functions import ORIENTATIONS
 from ..numerics.pieces import copied, in_strips

@@ -25,10 +25,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
-from shared.mosaic import Mosaic
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import DoubleArray, FloatArray, IndexArray
+from ...shared.mosaic import Mosaic
+from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, tile_at, zeros

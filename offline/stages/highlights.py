@@ -19,12 +19,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-from shared.progress import SILENT, Progress
-from shared.white_balance import clipped_share, raised_to_white
-
+from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
+from ...shared.mosaic import Mosaic
+from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
+from ...shared.white_balance import clipped_share, raised_to_white
 from ..frame import Cleaned
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate

@@ -25,11 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
+from ...shared.mosaic import Mosaic
+from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Bools1, Bools2, Floats1, Floats2, Floats3, Floats4, Ints2, Pair, Scalar, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros

@@ -9,12 +9,11 @@ sites are off by, in these units too: no brightness and no contrast is special, 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from shared.arrays import FloatArray, IndexArray, mirrored
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.networks import NETWORKS, load_network
-from shared.pattern import CfaPattern
-
+from ...shared.arrays import FloatArray, IndexArray, mirrored
+from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
+from ...shared.networks import NETWORKS, load_network
+from ...shared.pattern import CfaPattern
 from ..frame import Sites
 from ..numerics.pieces import in_pieces, in_strips
 

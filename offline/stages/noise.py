@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray
-from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-
+from ...shared.arrays import BoolArray, DoubleArray, FloatArray
+from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
 from ..stage import StageSettings
 
 

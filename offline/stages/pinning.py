@@ -18,9 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import BoolArray, FloatArray
+from ...shared.progress import SILENT, Progress
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate

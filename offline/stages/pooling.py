@@ -25,9 +25,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import FloatArray
+from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, curvature
 from ..numerics.arrays import Floats1, Floats3, Scalar
 from ..numerics.compile import Pieces, kernel, parallel_kernel

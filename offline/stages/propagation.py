@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.pattern import CfaPattern
-from shared.progress import SILENT, Progress
-
+from ...shared.arrays import FloatArray
+from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel

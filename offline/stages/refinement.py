@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray, mirrored
-from shared.calibration import NoiseModel
-
+from ...shared.arrays import FloatArray, mirrored
+from ...shared.calibration import NoiseModel
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel

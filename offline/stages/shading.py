@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from shared.shading import Shading
-
+from ...shared.shading import Shading
 from ..parts import Part, RowStage
 
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-
+from ...shared.arrays import DoubleArray, FloatArray
 from ..frame import Cleaned, sum_noise
 from ..numerics.gaussian import smoothed
 from ..stage import Positive, Switch

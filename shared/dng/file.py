@@ -26,7 +26,7 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite
     `overwrite` is False, or cannot be written.
 
     >>> import numpy as np
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
     >>> mosaic = Mosaic(np.full((12, 18), 1000, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
     >>> write_dng("shot.dng", mosaic, preview=np.zeros((12, 18, 3), np.uint8))
     >>> bool((read_dng("shot.dng").codes == mosaic.codes).all())
@@ -45,7 +45,7 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     Raises InputError for any other file, and for a damaged or missing one.
 
     >>> import numpy as np
-    >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
     >>> codes = np.full((12, 18), 1000, np.uint16)
     >>> write_dng("shot.dng", Mosaic(codes, CfaPattern.bayer(4), SensorCalibration.of_bits(12)), np.zeros((8, 8, 3), np.uint8))
     >>> mosaic = read_dng("shot.dng")

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shared.errors import InputError, OutputError, PanchromaError
+from panchroma.shared.errors import InputError, OutputError, PanchromaError
 from tests.data import ROOT
 
 QEMU = "qemu-aarch64"

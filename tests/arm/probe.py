@@ -8,13 +8,13 @@ from itertools import product
 
 import numpy as np
 
-from device import Preview
-from device.capture import Sensor
-from device.capture.frames import FrameLayout, RawFrame
-from device.preview.geometry import Geometry
-from shared import CfaPattern, NoiseModel, SensorCalibration, runtime
-from shared.colorimetry import SRGB_TO_XYZ
-from shared.dng import decode_dng, encode_dng
+from panchroma.device import Preview
+from panchroma.device.capture import Sensor
+from panchroma.device.capture.frames import FrameLayout, RawFrame
+from panchroma.device.preview.geometry import Geometry
+from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, runtime
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.shared.dng import decode_dng, encode_dng
 
 PATTERNS = {"K6": CfaPattern.bayer(6), "K4": CfaPattern.bayer(4, "BGGR", (3, 1)), "K8": CfaPattern.bayer(8, "GRBG", (5, 2))}
 LAYOUTS = (FrameLayout(83, 61, "raw10"), FrameLayout(160, 120, "raw12", 256))

@@ -2,7 +2,7 @@ import shutil
 
 import pytest
 
-from shared.errors import InputError
+from panchroma.shared.errors import InputError
 from tests.arm import __main__ as arm
 from tests.arm.probe import LAYOUTS, PATTERNS, graphs
 

@@ -17,15 +17,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from offline import BEST
-from offline.burst import Alignment, Motion, View, align, in_frame, in_reference
-from offline.stages.luminance import recover_luminance
-from shared import Mosaic, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import BEST
+from panchroma.offline.burst import Alignment, Motion, View, align, in_frame, in_reference
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.harness import PATTERN, options, photographs
-from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 CALIBRATION = SensorCalibration.of_bits(12, headroom=False)
 PIXELS, DEGREES = 3.0, 0.3

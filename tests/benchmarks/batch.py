@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import Mosaic, SensorCalibration, write_dng
+from panchroma.shared import Mosaic, SensorCalibration, write_dng
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.benchmarks.harness import PATTERN
 from tests.dask_cluster import cluster
 from tests.tools.command import start
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive
 
 SMALL, COUNT = (300, 200), 1000
 MEGAPIXEL = (1200, 800)

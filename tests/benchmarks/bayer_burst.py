@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from offline.burst import Motion, View, align, in_frame, in_reference
-from shared.arrays import DoubleArray, FloatArray
-from shared.calibration import NoiseModel
-from shared.errors import InputError
-from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
-from tools.simulation.bayer import channel_map
+from panchroma.offline.burst import Motion, View, align, in_frame, in_reference
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.calibration import NoiseModel
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from panchroma.tools.simulation.bayer import channel_map
 
 _ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread

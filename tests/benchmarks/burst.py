@@ -24,22 +24,22 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import BEST, render
-from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
-from shared import Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline import BEST, render
+from panchroma.offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
+from panchroma.shared import Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.methods import methods
+from panchroma.tools.evaluation.metrics import BORDER, quality, whole_psnr
+from panchroma.tools.io.versions import package_version
+from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst
 from tests.benchmarks.harness import PATTERN, options, photographs
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.methods import methods
-from tools.evaluation.metrics import BORDER, quality, whole_psnr
-from tools.io.versions import package_version
-from tools.simulation.burst import SimulatedBurst, burst_frames
-from tools.simulation.load import load_scene
-from tools.simulation.noise import PaperProtocol
-from tools.simulation.sensor import simulate_additive
 
 REDUCED, LEAST = 2, 300
 STEPS = list(product((0, -2, 2), repeat=2))  # of pixel shift, down and right, pixels, the reference first

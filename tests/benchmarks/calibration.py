@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.conclude import conclude
+from panchroma.tools.calibration.measure import Measurements, measure_chart
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import DATA
 from tests.tools.calibration.known_camera import REFERENCE
-from tools.calibration.conclude import conclude
-from tools.calibration.measure import Measurements, measure_chart
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive
 
 CHARTS = (
     "chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng",

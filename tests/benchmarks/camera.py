@@ -25,16 +25,16 @@ from statistics import median
 import imagecodecs
 import numpy as np
 
-from device import Preview
-from device.capture import Sensor
-from device.capture.frames import FORMATS, FrameLayout, RawFrame
-from device.capture.white_balance import SteadyWhite
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import ByteArray, CodeArray
-from shared.dng import encode_dng
+from panchroma.device import Preview
+from panchroma.device.capture import Sensor
+from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
+from panchroma.device.capture.white_balance import SteadyWhite
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import ByteArray, CodeArray
+from panchroma.shared.dng import encode_dng
+from panchroma.tools.capture.viewfinder import _jpeg
 from tests.benchmarks.harness import Frame, Work, alternate
 from tests.tools.command import start
-from tools.capture.viewfinder import _jpeg
 
 WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
 STRIDES = {"u16": 8128, "raw12": 6112, "raw10": 5120}  # of an IMX477 on a Raspberry Pi

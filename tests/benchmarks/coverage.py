@@ -14,16 +14,16 @@ from functools import cache
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.batch.console import Console
+from panchroma.tools.calibration.chart.place import ChartPlace
+from panchroma.tools.calibration.conclude import Result, conclude
+from panchroma.tools.calibration.measure import Session
+from panchroma.tools.simulation.drawn.charts import chart_scene
 from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, true_place
-from tools.batch.console import Console
-from tools.calibration.chart.place import ChartPlace
-from tools.calibration.conclude import Result, conclude
-from tools.calibration.measure import Session
-from tools.simulation.drawn.charts import chart_scene
 
 SHAPE = (400, 600)
 KINDS = (

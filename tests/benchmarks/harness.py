@@ -14,13 +14,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.evaluation.rivals.libraw import encode_codes
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.data import DATA
-from tools.evaluation.rivals.libraw import encode_codes
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive
 
 PATTERN = CfaPattern.bayer(6)
 SEED = 3

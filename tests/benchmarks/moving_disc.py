@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from tools.simulation.burst import SimulatedFrame
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.burst import SimulatedFrame
 
 COLOUR = (2.0, 0.8, 0.2)  # of the scene's mean luminance
 STEP = 12.0  # pixels from frame to frame

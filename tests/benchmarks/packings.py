@@ -10,7 +10,7 @@ from statistics import median
 
 import numpy as np
 
-from device.capture.frames import FORMATS, FrameLayout
+from panchroma.device.capture.frames import FORMATS, FrameLayout
 from tests.benchmarks.harness import alternate, options
 
 WIDTH, HEIGHT, ALIGNMENT = 4056, 3040, 64  # pixels; bytes

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import render
-from shared import Mosaic, SensorCalibration, Shading
-from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import SRGB_TO_XYZ
+from panchroma.offline import render
+from panchroma.shared import Mosaic, SensorCalibration, Shading
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.tools.evaluation.metrics import patch_psnr
+from panchroma.tools.io.colour import xyz_to_lab
+from panchroma.tools.io.colour_difference import delta_e_2000
+from panchroma.tools.simulation.lens import lens_shading
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.benchmarks.harness import PATTERN, SEED, options, photographed
 from tests.tools.calibration.known_camera import stating
-from tools.evaluation.metrics import patch_psnr
-from tools.io.colour import xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
-from tools.simulation.lens import lens_shading
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out

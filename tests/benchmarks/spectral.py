@@ -9,13 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
-from shared.colorimetry import D50
-from shared.lights import illuminant_xy, temperature
-from tools.io.scene import Scene
-from tools.simulation.drawn.builtin import Drawing, leaves_and_charts
-from tools.simulation.drawn.charts import Paints, colour_star, detail_chart, ink, patches_chart
-from tools.simulation.drawn.dead_leaves import Materials
+from panchroma.shared.arrays import BoolArray, DoubleArray
+from panchroma.shared.colorimetry import D50
+from panchroma.shared.lights import illuminant_xy, temperature
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.drawn.builtin import Drawing, leaves_and_charts
+from panchroma.tools.simulation.drawn.charts import Paints, colour_star, detail_chart, ink, patches_chart
+from panchroma.tools.simulation.drawn.dead_leaves import Materials
 
 BANDS = "HIJKLNOP"  # short to long wavelengths; letters that no other filter has
 CENTRES = np.arange(420.0, 666.0, 35.0)  # nm; each band fades to nothing at the centres of its neighbours

@@ -26,13 +26,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from shared import read_dng, write_dng
-from shared.dng import decode_dng, encode_dng
-from shared.processors import processors
-from shared.progress import Progress
+from panchroma.shared import read_dng, write_dng
+from panchroma.shared.dng import decode_dng, encode_dng
+from panchroma.shared.processors import processors
+from panchroma.shared.progress import Progress
+from panchroma.tools.batch.parallel import THREAD_VARIABLES
+from panchroma.tools.io.versions import package_version, program_version
 from tests.benchmarks.harness import Frame, Work, alternate, options
-from tools.batch.parallel import THREAD_VARIABLES
-from tools.io.versions import package_version, program_version
 
 _PRESETS = "paper", "best"
 
@@ -72,7 +72,7 @@ class StageClock(Progress):
 
 def rivals(frame: Frame) -> dict[str, Work]:
     """LibRaw's; bringing the frame into the form that they take is not timed."""
-    from tools.evaluation.rivals.libraw import develop, encode_bayer_dng
+    from panchroma.tools.evaluation.rivals.libraw import develop, encode_bayer_dng
 
     dng = encode_bayer_dng(frame.bayer_codes)
     return {f"LibRaw, {name}": partial(develop, dng, name) for name in ("PPG", "DCB")}
@@ -80,7 +80,7 @@ def rivals(frame: Frame) -> dict[str, Work]:
 
 def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     """Time everything in turns on one frame: presets and their stages, files, and rivals."""
-    from offline import PRESETS, render, render_bands
+    from panchroma.offline import PRESETS, render, render_bands
 
     def by_bands(settings: object) -> None:
         deque(render_bands(frame.mosaic, settings), maxlen=0)  # type: ignore[arg-type]
@@ -113,9 +113,9 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 
 def render_file(shot: Path, preset: str) -> None:
     """Render a DNG to a TIFF of 16 bits beside it."""
-    from offline import PRESETS, render_bands, threads
-    from tools.io.development import Development, write_picture
-    from tools.io.kind import PictureKind
+    from panchroma.offline import PRESETS, render_bands, threads
+    from panchroma.tools.io.development import Development, write_picture
+    from panchroma.tools.io.kind import PictureKind
 
     mosaic = read_dng(shot)
     development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)
@@ -125,7 +125,7 @@ def render_file(shot: Path, preset: str) -> None:
 
 def growth(shot: Path, preset: str, threads: int) -> str:
     """In a new process: time and memory from a DNG to a TIFF, medians of several runs."""
-    from offline import PRESETS, render_bands, use_threads
+    from panchroma.offline import PRESETS, render_bands, use_threads
 
     use_threads(threads)
     pixels = read_dng(shot).samples.size
@@ -140,9 +140,9 @@ def growth(shot: Path, preset: str, threads: int) -> str:
 
 def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     """In a new process: from the first to the last of many frames."""
-    from device import Preview
+    from panchroma.device import Preview
 
-    timed = "import time; start = time.perf_counter(); from device import Preview; print(time.perf_counter() - start)"
+    timed = "import time; start = time.perf_counter(); from panchroma.device import Preview; print(time.perf_counter() - start)"
     imported = float(subprocess.run([sys.executable, "-c", timed], capture_output=True, check=True).stdout)
     mosaic = read_dng(shot)
     before, start = _memory("VmRSS"), time.perf_counter()

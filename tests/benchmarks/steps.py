@@ -12,15 +12,15 @@ from functools import partial
 
 import numpy as np
 
-from offline import BEST, PAPER, PRESETS, render, use_threads
-from shared import Mosaic
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, PRESETS, render, use_threads
+from panchroma.shared import Mosaic
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.methods import render_preset
+from panchroma.tools.evaluation.metrics import quality
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.noise import PaperProtocol
 from tests.benchmarks.harness import PATTERN, middle, options
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.methods import render_preset
-from tools.evaluation.metrics import quality
-from tools.simulation.load import load_scene
-from tools.simulation.noise import PaperProtocol
 
 FIGURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FILLED = replace(BEST.luminance, learned=False)

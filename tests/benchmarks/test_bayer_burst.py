@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from offline.burst import Motion
-from shared.arrays import FloatArray
+from panchroma.offline.burst import Motion
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.evaluation.metrics import psnr
+from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from panchroma.tools.io.versions import package_version
+from panchroma.tools.simulation.bayer import sample_bayer
+from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.bayer_burst import render_bayer_burst
-from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
-from tools.io.versions import package_version
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.burst import SimulatedBurst, burst_frames
-from tools.simulation.drawn.builtin import builtin_scene
 
 NEUTRAL = 0.6, 1.0, 0.5
 EDGE = 8  # pixels: from beyond the frame's edge there are no samples

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import CodeArray
+from panchroma.shared.arrays import CodeArray
 
 GROUPS = {"raw10": (10, 4), "raw12": (12, 2), "raw14": (14, 4)}
 STREAMS = {"mono10p": (10, 4), "mono12p": (12, 2), "mono14p": (14, 4)}

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
+from panchroma.tools.batch.journal import NAME as JOURNAL
 from tests.data import ROOT
-from tools.batch.journal import NAME as JOURNAL
 
-_PROGRAM = "from tools.cli import main; main()"
+_PROGRAM = "from panchroma.tools.cli import main; main()"
 # Counts the program's operations on files below a folder, and kills it before the N-th: wherever a file may be incomplete.
 _KILLED = """
 import os, signal, sys

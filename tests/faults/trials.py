@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from shared.dng import verify_dng
-from shared.errors import PanchromaError
+from panchroma.shared.dng import verify_dng
+from panchroma.shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
 # How a command may end after a signal. A negative number: the signal came before Python took it over, or after it let go of it.

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern
-from shared.dng import encode_dng
+from panchroma.shared import CfaPattern
+from panchroma.shared.dng import encode_dng
 from tests.device.packer import pack, random_codes
 from tests.faults.scenario import Scenario, known, replacing
 from tests.shared.dng.examples import mosaic, preview

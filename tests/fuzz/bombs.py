@@ -20,15 +20,15 @@ import imagecodecs
 import numpy as np
 import OpenEXR
 
-from shared import read_camera, read_dng
-from shared.dng import encode_dng, verify_dng
-from shared.errors import InputError
+from panchroma.shared import read_camera, read_dng
+from panchroma.shared.dng import encode_dng, verify_dng
+from panchroma.shared.errors import InputError
+from panchroma.tools.batch.journal import NAME as JOURNAL
+from panchroma.tools.batch.journal import Journal
+from panchroma.tools.calibration.reference import read_reference
+from panchroma.tools.simulation.load import load_scene
 from tests.fuzz.forged import SIDE, Fields, chunk, entries_of, exr, npy, picture, png, tiff
 from tests.shared.dng.examples import mosaic, preview
-from tools.batch.journal import NAME as JOURNAL
-from tools.batch.journal import Journal
-from tools.calibration.reference import read_reference
-from tools.simulation.load import load_scene
 
 LIMIT_SECONDS = 1.0
 LIMIT_BYTES = 300 * 2**20

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shared.errors import InputError
+from panchroma.shared.errors import InputError
 from tests.fuzz.corpus import Sample, corpus
 from tests.fuzz.mutations import mutated
 

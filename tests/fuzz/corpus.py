@@ -12,26 +12,26 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from device import Preview
-from device.capture import Sensor
-from device.capture.frames import FrameLayout, RawFrame, read_frames
-from offline import PAPER, render
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
-from shared.dng import encode_dng, read_preview
+from panchroma.device import Preview
+from panchroma.device.capture import Sensor
+from panchroma.device.capture.frames import FrameLayout, RawFrame, read_frames
+from panchroma.offline import PAPER, render
+from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared.dng import encode_dng, read_preview
+from panchroma.tools.calibration.conclude import conclude
+from panchroma.tools.calibration.dark_frames import measure_dark
+from panchroma.tools.calibration.files import read_known
+from panchroma.tools.calibration.measure import Measurements, measure_chart
+from panchroma.tools.calibration.reference import read_reference
+from panchroma.tools.commands.calibrate import color_checker_xyz
+from panchroma.tools.io.development import Development
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.simulation.load import load_scene
 from tests.device.packer import pack, random_codes
 from tests.fuzz.forged import npy
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.calibration.known_camera import cgats, chart, frame, true_place
 from tests.tools.io.examples import encode_picture
-from tools.calibration.conclude import conclude
-from tools.calibration.dark_frames import measure_dark
-from tools.calibration.files import read_known
-from tools.calibration.measure import Measurements, measure_chart
-from tools.calibration.reference import read_reference
-from tools.commands.calibrate import color_checker_xyz
-from tools.io.development import Development
-from tools.io.kind import PictureKind
-from tools.simulation.load import load_scene
 
 Read = Callable[[Path], Any]
 """Reads a file. Two results are equal exactly when the same was read."""

@@ -13,7 +13,7 @@ import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
-from shared.tiff import Directory, FieldType, encode_tiff
+from panchroma.shared.tiff import Directory, FieldType, encode_tiff
 
 SIDE = 64
 """Pixels, each way, of a picture that claims to be larger, or is in needlessly many pieces."""

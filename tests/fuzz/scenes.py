@@ -17,14 +17,14 @@ from random import Random
 
 import numpy as np
 
-from device import Preview
-from offline import PRESETS, render
-from offline.burst import merge_burst, render_burst_bands
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
-from shared.arrays import FloatArray
-from shared.errors import InputError
+from panchroma.device import Preview
+from panchroma.offline import PRESETS, render
+from panchroma.offline.burst import merge_burst, render_burst_bands
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 from tests.fuzz.sweep import sweep
-from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview")

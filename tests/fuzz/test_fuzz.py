@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline import Rendering, RenderSettings, render
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import InputError
+from panchroma.offline import Rendering, RenderSettings, render
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
 from tests.fuzz import bombs, campaign, scenes
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, outcome
 from tests.fuzz.corpus import Read, Sample, corpus

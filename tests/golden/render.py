@@ -14,13 +14,13 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-from offline import BEST, PAPER, render
-from offline.version import ALGORITHM
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, render
+from panchroma.offline.version import ALGORITHM
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.scenes import leaves
-from tools.io.display import ColourTransform
-from tools.simulation.sensor import simulate_additive
 
 PRESETS = {"paper": PAPER, "best": BEST}
 _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))

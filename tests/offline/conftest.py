@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from offline import threads, use_threads
-from offline.numerics import compile as compiling
+from panchroma.offline import threads, use_threads
+from panchroma.offline.numerics import compile as compiling
 
 
 @pytest.fixture(scope="session", autouse=True)

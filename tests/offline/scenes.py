@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from offline.frame import Cleaned
-from offline.measured import BlockSamples
-from offline.stages.correction import block_samples
-from shared import CfaPattern, Mosaic
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.frame import Cleaned
+from panchroma.offline.measured import BlockSamples
+from panchroma.offline.stages.correction import block_samples
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.reference.sensor import observe
 
 CASES = {

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from offline import BEST, Measured, Part, RenderSettings, RowStage, measure, row_stages
-from offline.parts import finish
-from offline.stages.propagation import Propagation
-from shared import CfaPattern, Mosaic
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, Measured, Part, RenderSettings, RowStage, measure, row_stages
+from panchroma.offline.parts import finish
+from panchroma.offline.stages.propagation import Propagation
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.arrays import FloatArray
 from tests.offline.scenes import every_case, gamma_of, shot
 from tests.reference.sensor import observe
 

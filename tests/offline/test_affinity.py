@@ -6,13 +6,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from offline import SolverLog
-from offline.stages import affinity as stage
-from offline.stages.affinity import AffinitySettings, solve_affinities
-from offline.tiling import bands
-from shared import CfaPattern
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import ConvergenceError
+from panchroma.offline import SolverLog
+from panchroma.offline.stages import affinity as stage
+from panchroma.offline.stages.affinity import AffinitySettings, solve_affinities
+from panchroma.offline.tiling import bands
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.errors import ConvergenceError
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, gamma_of, materials
 from tests.reference import affinity as reference

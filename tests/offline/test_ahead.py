@@ -7,11 +7,11 @@ from tests.python import run_python
 SCRIPT = """
 import sys
 import numpy as np
-import offline
-from offline.ahead import used_kernels
-from offline.numerics.compile import kernels
-from shared import CfaPattern, SensorCalibration
-from tools.simulation.sensor import simulate_additive
+from panchroma import offline
+from panchroma.offline.ahead import used_kernels
+from panchroma.offline.numerics.compile import kernels
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_additive
 
 scene = np.full((90, 120, 3), 0.3, np.float32)
 scene[20:50, 30:70] = 2  # clipped

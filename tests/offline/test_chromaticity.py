@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities, oriented_medians
-from offline.stages.luminance import recover_luminance
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities, oriented_medians
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot
 from tests.offline.stage_tests import StageTests
 from tests.reference import chromaticity as reference

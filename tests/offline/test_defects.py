@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render
-from offline.frame import Cleaned, Sites
-from offline.stages.chromaticity import ChromaticitySettings
-from offline.stages.defects import DefectsSettings, mend_defects
-from offline.stages.luminance import recover_luminance
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import BoolArray, FloatArray
+from panchroma.offline import BEST, PAPER, render
+from panchroma.offline.frame import Cleaned, Sites
+from panchroma.offline.stages.chromaticity import ChromaticitySettings
+from panchroma.offline.stages.defects import DefectsSettings, mend_defects
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import BoolArray, FloatArray
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import every_case, shot
 from tests.offline.stage_tests import StageTests
-from tools.simulation.sensor import simulate_additive
 
 SETTINGS = BEST.defects
 LISTED = replace(SETTINGS, contrast=0.0)

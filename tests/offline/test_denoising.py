@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.settings import BEST
-from offline.stages import denoising as product
-from offline.stages.denoising import cosines, denoise_luminance
-from offline.stages.luminance import recover_luminance
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.settings import BEST
+from panchroma.offline.stages import denoising as product
+from panchroma.offline.stages.denoising import cosines, denoise_luminance
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import gamma_of, materials
 from tests.offline.stage_tests import StageTests
 from tests.reference import denoising as reference

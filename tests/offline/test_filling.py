@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline import use_threads
-from offline.settings import BEST, UNLEARNED
-from offline.stages.luminance import recover_luminance
-from offline.stages.luminance_network import SIDE, refilled, seen_around
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
+from panchroma.offline import use_threads
+from panchroma.offline.settings import BEST, UNLEARNED
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.offline.stages.luminance_network import SIDE, refilled, seen_around
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.calibration import NoiseModel
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.scenes import leaves
-from tools.simulation.sensor import simulate_additive
 
 # As a lens shows them: it has learned from what is seen through one.
 LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))

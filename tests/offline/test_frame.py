@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.frame import sum_noise, unclipped_blocks
-from offline.render import cleaned as cleaned_frame
-from shared import CfaPattern, NoiseModel
+from panchroma.offline.frame import sum_noise, unclipped_blocks
+from panchroma.offline.render import cleaned as cleaned_frame
+from panchroma.shared import CfaPattern, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot
 from tests.reference.sensor import observe
 

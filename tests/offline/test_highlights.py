@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render
-from offline.numerics.interpolation import interpolate
-from offline.stages.highlights import clipping_level, restore_highlights, unmeasured
-from offline.stages.luminance import recover_luminance
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, render
+from panchroma.offline.numerics.interpolation import interpolate
+from panchroma.offline.stages.highlights import clipping_level, restore_highlights, unmeasured
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.offline.stage_tests import StageTests
-from tools.io.display import ColourTransform
-from tools.simulation.sensor import simulate_sensor
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0

@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline import BEST, memory, network_name, render, rendering_memory
-from offline.measured import BlockSamples, ColourLines
-from offline.parts import Part
-from offline.stages import colour_network as module
-from offline.stages.colour_network import REACH, UNKNOWN, Cells, Learned, Residuals
-from offline.stages.correction import Missed
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.networks import NETWORKS, load_network, network_for
-from shared.pattern import BAYER_ORDERS
-from shared.runtime import onnxruntime
+from panchroma.offline import BEST, memory, network_name, render, rendering_memory
+from panchroma.offline.measured import BlockSamples, ColourLines
+from panchroma.offline.parts import Part
+from panchroma.offline.stages import colour_network as module
+from panchroma.offline.stages.colour_network import REACH, UNKNOWN, Cells, Learned, Residuals
+from panchroma.offline.stages.correction import Missed
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.shared.networks import NETWORKS, load_network, network_for
+from panchroma.shared.pattern import BAYER_ORDERS
+from panchroma.shared.runtime import onnxruntime
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
 from tests.scenes import leaves
-from tools.simulation.sensor import simulate_additive
 
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline import BEST, render
-from offline.measured import ColourLines
-from offline.parts import Part
-from offline.stages.chromaticity import block_sums
-from offline.stages.colour_lines import _REACH, LinesSettings, OnLines, colour_lines
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline import BEST, render
+from panchroma.offline.measured import ColourLines
+from panchroma.offline.parts import Part
+from panchroma.offline.stages.chromaticity import block_sums
+from panchroma.offline.stages.colour_lines import _REACH, LinesSettings, OnLines, colour_lines
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import cleaned, gamma_of, sampled, shot
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-from tools.simulation.sensor import simulate_additive
 
 BAYER = CfaPattern.bayer(6)
 WHITE, BLACK, RED = np.full(3, 0.8), np.full(3, 0.06), np.array([0.5, 0.05, 0.05])
@@ -67,11 +67,11 @@ def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None
     scene, pattern = printed((600, 60), np.array([0.5, 0.1, 0.05]), WHITE), CfaPattern.bayer(4)
     mosaic = noisy(scene, pattern, 0.02)
     whole = lines_of(scene, mosaic)
-    monkeypatch.setattr("offline.stages.colour_lines._STRIP", 20)
+    monkeypatch.setattr("panchroma.offline.stages.colour_lines._STRIP", 20)
     strips = lines_of(scene, mosaic)
     for name, plane in vars(whole).items():
         assert np.array_equal(getattr(strips, name), plane), name
-    monkeypatch.setattr("offline.stages.colour_lines._REACH", _REACH // 5)
+    monkeypatch.setattr("panchroma.offline.stages.colour_lines._REACH", _REACH // 5)
     assert not np.array_equal(lines_of(scene, mosaic).offset, whole.offset)
 
 

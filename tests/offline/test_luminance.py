@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.settings import UNLEARNED
-from offline.stages import luminance as product
-from offline.stages.luminance import LuminanceSettings, fill, recover_luminance
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.settings import UNLEARNED
+from panchroma.offline.stages import luminance as product
+from panchroma.offline.stages.luminance import LuminanceSettings, fill, recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, materials, shot
 from tests.offline.stage_tests import StageTests

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import cleaned
-from offline.stages.chromaticity import sigma_z
-from offline.stages.noise import NoiseSettings, estimate_noise, with_noise
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import cleaned
+from panchroma.offline.stages.chromaticity import sigma_z
+from panchroma.offline.stages.noise import NoiseSettings, estimate_noise, with_noise
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.sensor import sample
 from tests.offline.scenes import CASES, shot
-from tools.simulation.sensor import sample
 
 # Of the standard deviation: what 600 x 400 pixels tell.
 ACCURACY = 0.12

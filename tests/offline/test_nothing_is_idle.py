@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, RowStage, measure, render, row_stages
-from offline.stage import Switch
-from offline.stages.pooling import PoolingPass
-from shared import CfaPattern, Mosaic, Shading
-from shared.errors import ConvergenceError, InputError
+from panchroma.offline import BEST, PAPER, RowStage, measure, render, row_stages
+from panchroma.offline.stage import Switch
+from panchroma.offline.stages.pooling import PoolingPass
+from panchroma.shared import CfaPattern, Mosaic, Shading
+from panchroma.shared.errors import ConvergenceError, InputError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
 

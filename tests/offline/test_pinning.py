@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, render
-from offline.measured import BlockSamples, Measured
-from offline.parts import Part, applied
-from offline.stages.correction import Missed
-from offline.stages.pinning import Pinning
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, render
+from panchroma.offline.measured import BlockSamples, Measured
+from panchroma.offline.parts import Part, applied
+from panchroma.offline.stages.correction import Missed
+from panchroma.offline.stages.pinning import Pinning
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import sampled, shot
 from tests.reference.sensor import luminance_of
-from tools.simulation.sensor import simulate_additive
 
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
 TILES = ["WBWG/BWGW/WGWR/GWRW", "RGB/WWW/GRR", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]

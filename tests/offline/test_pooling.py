@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.settings import BEST
-from offline.stages.chromaticity import estimate_chromaticities
-from offline.stages.pooling import pool_blocks
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.settings import BEST
+from panchroma.offline.stages.chromaticity import estimate_chromaticities
+from panchroma.offline.stages.pooling import pool_blocks
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, shot
 from tests.offline.stage_tests import StageTests
 from tests.reference.compare import assert_close

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.stages.propagation import PropagationSettings, propagate
-from shared import CfaPattern
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.stages.propagation import PropagationSettings, propagate
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case
 from tests.reference import geometry
 from tests.reference import propagation as reference

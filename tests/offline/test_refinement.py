@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.parts import Part
-from offline.stages.refinement import RefinementSettings, noise_level, refine
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.parts import Part
+from panchroma.offline.stages.refinement import RefinementSettings, noise_level, refine
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
-from offline.burst import merge_burst
-from offline.parts import Part, finish
-from offline.settings import UNLEARNED
-from offline.stages.affinity import AffinitySettings
-from offline.stages.chromaticity import ChromaticitySettings
-from offline.stages.luminance import LuminanceSettings
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.errors import InputError, RangeError
-from shared.progress import Progress
+from panchroma.offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
+from panchroma.offline.burst import merge_burst
+from panchroma.offline.parts import Part, finish
+from panchroma.offline.settings import UNLEARNED
+from panchroma.offline.stages.affinity import AffinitySettings
+from panchroma.offline.stages.chromaticity import ChromaticitySettings
+from panchroma.offline.stages.luminance import LuminanceSettings
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.errors import InputError, RangeError
+from panchroma.shared.progress import Progress
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-from tools.simulation.sensor import simulate_additive
 
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5
@@ -158,7 +158,7 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
             part.chromaticity[6, 2, 0] = np.inf
             yield part
 
-    monkeypatch.setattr(sys.modules["offline.render"], "finish", spoilt)  # `offline.render` is the function
+    monkeypatch.setattr(sys.modules["panchroma.offline.render"], "finish", spoilt)  # `offline.render` is the function
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
         with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
             made()

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from offline.settings import PAPER
-from offline.stage import Switch
-from shared.errors import InputError
+from panchroma.offline.settings import PAPER
+from panchroma.offline.stage import Switch
+from panchroma.shared.errors import InputError
 
 IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
     "defects": {"contrast": [-1.0], "deviations": [-1.0], "floor": [0.0]},

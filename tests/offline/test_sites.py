@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST
-from offline.frame import unclipped_blocks
-from offline.parts import Part
-from offline.stages.chromaticity import block_sums
-from offline.stages.correction import Correction, Missed, settle_luminance
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import FloatArray
+from panchroma.offline import BEST
+from panchroma.offline.frame import unclipped_blocks
+from panchroma.offline.parts import Part
+from panchroma.offline.stages.chromaticity import block_sums
+from panchroma.offline.stages.correction import Correction, Missed, settle_luminance
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
 from tests.offline.stage_tests import StageTests
 from tests.reference.chromaticity import extend
@@ -80,7 +80,7 @@ def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet(monkeypatch:
     mosaic = shot(CfaPattern.bayer(3), (212, 12), 0.01)
     light = wrong_light(mosaic)
     expected = settled(mosaic, light)
-    monkeypatch.setattr("offline.stages.correction.BLOCK_ROWS", 1000)
+    monkeypatch.setattr("panchroma.offline.stages.correction.BLOCK_ROWS", 1000)
     assert np.array_equal(settled(mosaic, light), expected)
 
 

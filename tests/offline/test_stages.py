@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, Part, RenderSettings, RowStage, measure, render, row_stages
-from offline.parts import Look
-from offline.render import Rendering
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import InputError
+from panchroma.offline import BEST, PAPER, Part, RenderSettings, RowStage, measure, render, row_stages
+from panchroma.offline.parts import Look
+from panchroma.offline.render import Rendering
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import ROOT
 from tests.offline.stage_tests import RowStageTests
 from tests.scenes import leaves
-from tools.simulation.sensor import simulate_additive
 
 SCATTERED = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 

@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render, render_bands
-from offline import tiling as product
-from offline.parts import Look, Part, windows
-from offline.settings import RenderSettings
-from offline.stages.refinement import RefinementSettings
-from offline.tiling import bands, domain_places, patches_of
-from shared import CfaPattern, Mosaic
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, render, render_bands
+from panchroma.offline import tiling as product
+from panchroma.offline.parts import Look, Part, windows
+from panchroma.offline.settings import RenderSettings
+from panchroma.offline.stages.refinement import RefinementSettings
+from panchroma.offline.tiling import bands, domain_places, patches_of
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import shot
 from tests.reference import geometry

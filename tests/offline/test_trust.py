@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from offline import BEST, PAPER, render
-from offline.frame import Cleaned
-from offline.stages.highlights import clipping_level
-from offline.stages.trust import trust_in_blocks, with_trusted_colour
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, render
+from panchroma.offline.frame import Cleaned
+from panchroma.offline.stages.highlights import clipping_level
+from panchroma.offline.stages.trust import trust_in_blocks, with_trusted_colour
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, shot
 from tests.offline.stage_tests import StageTests
 from tests.offline.test_highlights import NEUTRAL, exposed

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.version import ALGORITHM
+from panchroma.offline.version import ALGORITHM
 from tests.golden.render import PRESETS, Golden, now, saved
 
 # Another compiler or processor rounds otherwise: 3e-7 without fused multiply-add (NUMBA_CPU_NAME=x86-64). A solver that stops at a

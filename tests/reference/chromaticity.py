@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from shared import CfaPattern
-from shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray
 from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))

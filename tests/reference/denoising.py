@@ -6,8 +6,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dctn, idctn
 
-from offline.stages.denoising import DenoisingSettings
-from shared.arrays import BoolArray, DoubleArray
+from panchroma.offline.stages.denoising import DenoisingSettings
+from panchroma.shared.arrays import BoolArray, DoubleArray
 
 Gains = Callable[[DoubleArray, DoubleArray, DoubleArray], DoubleArray]
 Variance = Callable[[DoubleArray], DoubleArray]

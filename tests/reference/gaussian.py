@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from panchroma.shared.arrays import DoubleArray
 
 
 def gaussian(sigma: float) -> dict[int, float]:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared import CfaPattern
-from shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray
 
 
 class Block(NamedTuple):

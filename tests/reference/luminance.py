@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pywt
 
-from offline.stages import luminance as constants
-from shared.arrays import BoolArray, DoubleArray
+from panchroma.offline.stages import luminance as constants
+from panchroma.shared.arrays import BoolArray, DoubleArray
 from tests.reference.gaussian import blur
 
 # Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients n..n+3.

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from shared import CfaPattern
-from shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import DoubleArray
 from tests.reference.affinity import domain
 from tests.reference.geometry import first_patch
 

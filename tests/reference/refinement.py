@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from panchroma.shared.arrays import DoubleArray
 from tests.reference.gaussian import blur, gaussian
 
 

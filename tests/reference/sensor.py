@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import DoubleArray
 from tests.reference.geometry import letter
 
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared.calibration import BITS, SCHEMA, NoiseModel, SensorCalibration
-from shared.errors import InputError
-from shared.pattern import CfaPattern
+from panchroma.shared.calibration import BITS, SCHEMA, NoiseModel, SensorCalibration
+from panchroma.shared.errors import InputError
+from panchroma.shared.pattern import CfaPattern
 
 FULL = SensorCalibration(
     "RGB",

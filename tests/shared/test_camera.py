@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera
-from shared.errors import InputError
+from panchroma.shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera
+from panchroma.shared.errors import InputError
 
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),

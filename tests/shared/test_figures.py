@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import NoiseModel, SensorCalibration, Shading, read_camera
-from shared.errors import InputError
-from shared.figures import numbers, parsed_json, whole
+from panchroma.shared import NoiseModel, SensorCalibration, Shading, read_camera
+from panchroma.shared.errors import InputError
+from panchroma.shared.figures import numbers, parsed_json, whole
 
 HUGE = 10**400
 SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[arg-type]

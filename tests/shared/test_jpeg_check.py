@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shared.errors import InputError
-from shared.jpeg_check import read_header
+from panchroma.shared.errors import InputError
+from panchroma.shared.jpeg_check import read_header
 
 
 def encoded(**options: object) -> bytes:

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from offline import render
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.shading import basis
-from shared.white_balance import estimate_neutral
+from panchroma.offline import render
+from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.shared.shading import basis
+from panchroma.shared.white_balance import estimate_neutral
+from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 from tests.scenes import darker_corners
-from tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 
 SHAPE = (61, 90)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from device.capture.white_balance import SteadyWhite
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray
-from shared.colorimetry import D50, adaptation, as_rows, xyz
-from shared.errors import InputError
-from shared.lights import CalibratedLight, Lights, colours_under, illuminant_xy, temperature
-from shared.white_balance import balanced
+from panchroma.device.capture.white_balance import SteadyWhite
+from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray
+from panchroma.shared.colorimetry import D50, adaptation, as_rows, xyz
+from panchroma.shared.errors import InputError
+from panchroma.shared.lights import CalibratedLight, Lights, colours_under, illuminant_xy, temperature
+from panchroma.shared.white_balance import balanced
 
 # Matrices of a camera for A and D65, and what white reads in a shot: the example of `camera_neutral_to_xy` in colour-hdri 0.2.6.
 WARM = np.array([[0.5309, -0.0229, -0.0336], [-0.6241, 1.3265, 0.3337], [-0.0817, 0.1215, 0.6664]])

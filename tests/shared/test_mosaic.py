@@ -4,11 +4,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared.calibration import SensorCalibration
-from shared.errors import InputError
-from shared.metadata import CaptureMetadata
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
+from panchroma.shared.calibration import SensorCalibration
+from panchroma.shared.errors import InputError
+from panchroma.shared.metadata import CaptureMetadata
+from panchroma.shared.mosaic import Mosaic
+from panchroma.shared.pattern import CfaPattern
 from tests.reference import geometry
 
 PATTERN = CfaPattern.bayer(4, "GRBG", (1, 3))

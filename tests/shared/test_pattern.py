@@ -5,8 +5,8 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from shared.errors import InputError
-from shared.pattern import CfaPattern
+from panchroma.shared.errors import InputError
+from panchroma.shared.pattern import CfaPattern
 from tests.reference import geometry
 
 FIVE = ("RGB", "XWY")  # six pixels, five channels, and a hole in the block

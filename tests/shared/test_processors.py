@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from shared.processors import THREADS, available_threads, threads, use_threads
+from panchroma.shared.processors import THREADS, available_threads, threads, use_threads
 
 
 def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest.MonkeyPatch) -> None:

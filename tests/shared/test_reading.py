@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from shared.errors import InputError
-from shared.reading import opened_file, read_text, read_whole
+from panchroma.shared.errors import InputError
+from panchroma.shared.reading import opened_file, read_text, read_whole
 
 
 def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:

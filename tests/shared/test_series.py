@@ -1,6 +1,6 @@
 import pytest
 
-from shared.series import frame_name, frame_number
+from panchroma.shared.series import frame_name, frame_number
 
 
 @pytest.mark.parametrize("count", [1, 9, 10, 123])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from shared.site_errors import error_correlation
+from panchroma.shared import CfaPattern
+from panchroma.shared.site_errors import error_correlation
 
 PATTERNS = [CfaPattern.bayer(4, "GBRG"), CfaPattern.with_block(("RGB",), 5), CfaPattern.with_block(("RG", "WB"), 6)]
 

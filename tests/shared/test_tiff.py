@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tifffile import TiffFile
 
-import shared.tiff
-from shared.errors import InputError
-from shared.tiff import Directory, FieldType, encode_tiff
+import panchroma.shared.tiff
+from panchroma.shared.errors import InputError
+from panchroma.shared.tiff import Directory, FieldType, encode_tiff
 
 _ASCII_TAG, _NUMBERS_TAG, _SUB, _EXIF = 270, 50714, 330, 34665
 
@@ -107,7 +107,7 @@ def test_strips_and_children_are_where_the_tags_say() -> None:
 
 
 def test_more_than_4_gib_is_refused_before_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shared.tiff, "LARGEST", 1000)
+    monkeypatch.setattr(panchroma.shared.tiff, "LARGEST", 1000)
     encode_tiff(Directory(strips=[bytes(900)]))
     with pytest.raises(InputError, match="4 GiB"):
         encode_tiff(Directory(strips=[bytes(500), bytes(600)]))

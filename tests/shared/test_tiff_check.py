@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import tifffile
 
-from shared.dng import encode_dng
-from shared.errors import InputError
-from shared.tiff_check import check_directories
+from panchroma.shared.dng import encode_dng
+from panchroma.shared.errors import InputError
+from panchroma.shared.tiff_check import check_directories
 from tests.shared.dng.examples import mosaic, preview
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.colorimetry import D50, SRGB_TO_XYZ
-from shared.white_balance import balanced, estimate_neutral
-from tools.io.display import ColourTransform
-from tools.simulation.sensor import simulate_additive
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ
+from panchroma.shared.white_balance import balanced, estimate_neutral
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.sensor import simulate_additive
 
 CAMERA = SensorCalibration.of_bits(12)
 LIGHT = (0.45, 1.0, 0.62)

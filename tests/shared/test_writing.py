@@ -10,8 +10,8 @@ from typing import IO, NoReturn
 
 import pytest
 
-from shared.errors import DurabilityWarning, OutputError
-from shared.writing import durable_file, own_file, sweep, sync_folder, write_durably
+from panchroma.shared.errors import DurabilityWarning, OutputError
+from panchroma.shared.writing import durable_file, own_file, sweep, sync_folder, write_durably
 from tests.data import ROOT
 
 WORDS = {errno.ENOSPC: "disk is full", errno.EACCES: "no permission", errno.EIO: "cannot be written"}
@@ -122,16 +122,16 @@ def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["shared", "device", "offline", "panchroma", "tools.cli"])
+@pytest.mark.parametrize("name", ["panchroma.shared", "panchroma.device", "panchroma.offline", "panchroma.tools.cli"])
 def test_on_windows_one_sentence_says_what_to_do(name: str) -> None:
     """A library raises it; the command prints it alone."""
-    run = "import tools.cli\ntools.cli.main()" if name == "tools.cli" else f"import {name}"
+    run = "import panchroma.tools.cli\npanchroma.tools.cli.main()" if name == "panchroma.tools.cli" else f"import {name}"
     script = f"import sys\nsys.modules['fcntl'] = None\n{run}"
     line = [sys.executable, "-c", script]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert "on Windows install it in the Windows Subsystem for Linux" in done.stderr.splitlines()[-1]
-    assert name != "tools.cli" or done.stderr.count("\n") == 1
+    assert name != "panchroma.tools.cli" or done.stderr.count("\n") == 1
 
 
 def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
 def left_behind(folder: Path) -> Path:
     """The temporary file of a process that was killed while it wrote."""
     script = (
-        "import os, signal, sys\nfrom shared.writing import durable_file\n"
+        "import os, signal, sys\nfrom panchroma.shared.writing import durable_file\n"
         "with durable_file(sys.argv[1]) as file:\n"
         "    file.write(b'half')\n    file.flush()\n    os.kill(os.getpid(), signal.SIGKILL)"
     )
@@ -268,7 +268,7 @@ def test_a_group_that_cannot_be_kept_gains_nothing(tmp_path: Path, monkeypatch: 
 
 def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import write_durably\n"
+        "import os, sys\nfrom pathlib import Path\nfrom panchroma.shared.writing import write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
         "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"

@@ -12,11 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from panchroma.tools.batch.journal import NAME as JOURNAL
+from panchroma.tools.cli import main
 from tests.data import ROOT
-from tools.batch.journal import NAME as JOURNAL
-from tools.cli import main
 
-SCRIPT = "from tools.cli import main; main()"
+SCRIPT = "from panchroma.tools.cli import main; main()"
 PROGRAM = (sys.executable, "-c", SCRIPT)
 
 

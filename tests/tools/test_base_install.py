@@ -8,7 +8,7 @@ from tests.python import base_modules, on_camera
 
 
 def camera(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    script = "from tools.cli import main; main()"
+    script = "from panchroma.tools.cli import main; main()"
     return on_camera(script, *arguments, ours=("shared", "device", "tools"), stdin=stdin)
 
 
@@ -46,8 +46,6 @@ def test_preview_needs_the_base_alone(tmp_path: Path) -> None:
 
 def test_a_notebook_needs_the_base_alone_but_to_render() -> None:
     script = """
-import sys
-sys.path.insert(0, "tools/notebook")
 import panchroma
 shot = panchroma.simulate("flat:96x72", sigma=0.01)
 print(panchroma.preview(shot), panchroma.to_srgb(shot.truth), len(shot._repr_png_()) > 0)
@@ -56,7 +54,7 @@ try:
 except ModuleNotFoundError as error:
     print(error)
 """
-    done = on_camera(script, ours=("shared", "device", "offline", "tools", "panchroma"))
+    done = on_camera(script, ours=("shared", "device", "offline", "tools", "pictures", "quality", "shots", "simulation"))
     assert done.returncode == 0, done.stderr
     assert b"<Image 96 x 72, 8-bit sRGB> <Image 96 x 72, 8-bit sRGB> True" in done.stdout
     assert b"is not installed; install Panchroma with all that belongs to it: pip install" in done.stdout

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from shared.errors import ConvergenceError, InputError
+from panchroma.shared.errors import ConvergenceError, InputError
+from panchroma.tools import cli
+from panchroma.tools.batch.progress import LineProgress
+from panchroma.tools.commands import inspect
 from tests.data import ROOT
 from tests.tools.command import assert_refused, names, results, run, spawn
-from tools import cli
-from tools.batch.progress import LineProgress
-from tools.commands import inspect
 
 SHOT = "builtin-24x18.dng"
 
@@ -55,7 +55,7 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
 
 LOADED = """
 import sys
-from tools.cli import main
+from panchroma.tools.cli import main
 try:
     main(sys.argv[1:])
 finally:
@@ -117,7 +117,7 @@ def test_what_ends_a_render_is_one_line(
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("offline.measure", fail)
+    monkeypatch.setattr("panchroma.offline.measure", fail)
     assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
 
@@ -191,9 +191,9 @@ def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, out: Pat
 def test_an_interrupt_while_the_program_loads_is_no_traceback() -> None:
     """The imports take longest of all that comes before the first file."""
     script = (
-        "import builtins, signal, sys; from tools import cli; find = builtins.__import__\n"
+        "import builtins, signal, sys; from panchroma.tools import cli; find = builtins.__import__\n"
         "def interrupted(name, *rest, **named):\n"
-        "    if name == 'shared.errors': signal.raise_signal(signal.SIGINT)\n"
+        "    if name.endswith('shared.errors'): signal.raise_signal(signal.SIGINT)\n"
         "    return find(name, *rest, **named)\n"
         "builtins.__import__ = interrupted; cli.main(['inspect', 'x.dng'])"
     )
@@ -205,7 +205,7 @@ def test_an_interrupt_while_the_program_loads_is_no_traceback() -> None:
 def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: str, tmp_path: Path) -> None:
     """Such a thread runs, but its pool does not know of it, and so does not end it."""
     script = (
-        "import signal, sys, threading; from tools import cli; begin = threading.Thread.start\n"
+        "import signal, sys, threading; from panchroma.tools import cli; begin = threading.Thread.start\n"
         "def start(self):\n"
         f"    begin(self)\n    if self.name.startswith('{thread}'): signal.raise_signal(signal.SIGINT)\n"
         "threading.Thread.start = start; cli.main()"
@@ -218,7 +218,7 @@ def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: 
 
 def test_an_interrupt_does_not_wait_for_a_shot_to_be_decoded(shots: Path, tmp_path: Path) -> None:
     script = (
-        "import os, signal, time; from tools import cli; from tools.batch.order import Order\n"
+        "import os, signal, time; from panchroma.tools import cli; from panchroma.tools.batch.order import Order\n"
         "def stuck(*_):\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(1000)\n"
         "Order.open = stuck; cli.main()"
     )

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from shared import CfaPattern
+from panchroma.shared import CfaPattern
+from panchroma.tools.calibration.conclude import conclude
+from panchroma.tools.calibration.measure import Measurements, measure_chart
+from panchroma.tools.calibration.report import write_report
+from panchroma.tools.evaluation.crops import REASONS, Crop, Exhibit, Rendered
+from panchroma.tools.evaluation.figures import Figures
+from panchroma.tools.evaluation.measures import Measures
+from panchroma.tools.evaluation.methods import choose
+from panchroma.tools.evaluation.page import build_page
+from panchroma.tools.evaluation.tiles import Tile
+from panchroma.tools.io.page import embed_plot, without_folders
 from tests.browser import Browser
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
 from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
-from tools.calibration.conclude import conclude
-from tools.calibration.measure import Measurements, measure_chart
-from tools.calibration.report import write_report
-from tools.evaluation.crops import REASONS, Crop, Exhibit, Rendered
-from tools.evaluation.figures import Figures
-from tools.evaluation.measures import Measures
-from tools.evaluation.methods import choose
-from tools.evaluation.page import build_page
-from tools.evaluation.tiles import Tile
-from tools.io.page import embed_plot, without_folders
 
 HARMLESS = "a"
 HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""  # may be the name of a file

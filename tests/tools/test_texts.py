@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
-from shared import read_camera
-from shared.errors import InputError
+from panchroma.shared import read_camera
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.reference import read_reference
+from panchroma.tools.commands.calibrate import color_checker_xyz
+from panchroma.tools.simulation.pattern_text import read_pattern
 from tests.tools.calibration.known_camera import cgats
-from tools.calibration.reference import read_reference
-from tools.commands.calibrate import color_checker_xyz
-from tools.simulation.pattern_text import read_pattern
 
 
 def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:

@@ -9,21 +9,20 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared import CfaPattern
-from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError, OutputError
-from tools.batch.jobs import Job, Outcome, State, file_status, identity, refuse_existing
-from tools.batch.progress import StageProgress
-from tools.io.backup import keep_old
-from tools.io.development import Development, write_picture
-
+from ...shared import CfaPattern
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.errors import InputError, OutputError
+from ..io.backup import keep_old
+from ..io.development import Development, write_picture
 from .checks import check_memory
 from .compilation import announced_compilation, compile_ahead
+from .jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from .journal import Entry, Journal, digest, key, output_lock
 from .order import Order, Subject
+from .progress import StageProgress
 
 if TYPE_CHECKING:
-    from offline import SolverLog
+    from ...offline import SolverLog
 
 
 def attempt(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
@@ -141,7 +140,7 @@ class _Attempt:
         self, subject: Subject, development: Development, existing: _Existing, source_digest: str, stamp: str
     ) -> "SolverLog":
         """Render, and write the picture. Returns what the solvers did."""
-        from offline import SolverLog, threads
+        from ...offline import SolverLog, threads
 
         log, path = SolverLog(self.listener), self.job.output
         if existing.changed:
@@ -181,7 +180,7 @@ class _Attempt:
 
     def _told(self, subject: Subject, development: Development, pattern: CfaPattern, log: "SolverLog", seconds: float) -> Outcome:
         """What is said of a picture that was made."""
-        from offline import network_name
+        from ...offline import network_name
 
         output, kind, calibration = self.job.output, self.order.kind, development.calibration
         rows, columns = development.written_shape

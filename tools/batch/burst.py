@@ -5,19 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shared import Mosaic
-from shared.arrays import FloatArray
-from shared.errors import ForeignFileError, InputError, PanchromaError
-from shared.progress import Progress
-from tools.batch.jobs import Job
-from tools.batch.progress import Note
-
+from ...shared import Mosaic
+from ...shared.arrays import FloatArray
+from ...shared.errors import ForeignFileError, InputError, PanchromaError
+from ...shared.progress import Progress
 from .burst_files import BurstFile, leave_odd_ones_out
 from .checks import check_memory
+from .jobs import Job
 from .order import Order, Subject
+from .progress import Note
 
 if TYPE_CHECKING:
-    from offline.burst import MergedBurst, Motion
+    from ...offline.burst import MergedBurst, Motion
 
 _MOST = 1000.0  # pixels that a sensor moves
 Shift = tuple[float, ...]
@@ -97,7 +96,7 @@ class BurstSubject(Subject):
 
     def prepare(self, progress: Progress) -> None:
         """Align and merge the frames."""
-        from offline.burst import merge_burst
+        from ...offline.burst import merge_burst
 
         if self.count > 1:
             known = self._order.reference is not None or self._order.shifts
@@ -124,7 +123,7 @@ class BurstSubject(Subject):
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
-        from offline.burst import render_burst_bands
+        from ...offline.burst import render_burst_bands
 
         if self._merged is None or self._left == 1:
             return super().bands(progress)
@@ -145,7 +144,7 @@ class BurstSubject(Subject):
 
     def _motions(self) -> list["Motion"]:
         """The known motions: a sensor that has moved to the right sees everything further left."""
-        from offline.burst import Motion
+        from ...offline.burst import Motion
 
         right, down = self._order.shifts[self._reference]
         moved = (self._order.shifts[index] for index in self._used)

@@ -7,14 +7,14 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shared import Mosaic
-from shared.errors import InputError
-from shared.series import frame_number
-from tools.batch.folders import Source
-from tools.batch.jobs import identity
+from ...shared import Mosaic
+from ...shared.errors import InputError
+from ...shared.series import frame_number
+from .folders import Source
+from .jobs import identity
 
 if TYPE_CHECKING:
-    from offline.burst import Judged
+    from ...offline.burst import Judged
 
 
 @dataclass(eq=False)

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from shared import Mosaic
-from shared.arrays import CodeArray, strips
-from shared.errors import InputError
-from tools.batch.memory import format_bytes
-from tools.io.kind import PictureKind
+from ...shared import Mosaic
+from ...shared.arrays import CodeArray, strips
+from ...shared.errors import InputError
+from ..io.kind import PictureKind
+from .memory import format_bytes
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from ...offline import RenderSettings
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
@@ -24,11 +24,11 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
 
     frames: of a burst, all like this mosaic.
     """
-    from offline import rendering_memory, threads
+    from ...offline import rendering_memory, threads
 
     rendering = rendering_memory(mosaic, settings)
     if frames > 1:
-        from offline.burst import burst_memory
+        from ...offline.burst import burst_memory
 
         rendering = burst_memory(frames, mosaic, settings)
     channels, pixels = len(mosaic.pattern.channels), mosaic.shape[0] * mosaic.shape[1]

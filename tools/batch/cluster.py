@@ -14,9 +14,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-from shared.errors import InputError, PanchromaError
-
-from .console import OUR_PACKAGES, one_line
+from ...shared.errors import InputError, PanchromaError
+from .console import one_line
 from .parallel import Executor, Function, P, R, call
 from .progress import Note
 
@@ -96,7 +95,7 @@ def _call(source: str, function: "Function[P, R]", item: P) -> tuple[R | Excepti
 def source_digest(root: Path = Path(__file__).parents[2]) -> str:
     """Digest of all files of our packages below a folder, but texts (*.md) and compiled code: 16 hexadecimal digits."""
     total = hashlib.sha256()
-    files = (path for package in OUR_PACKAGES for path in (root / package).rglob("*"))
+    files = (path for package in ("shared", "device", "offline", "tools") for path in (root / package).rglob("*"))
     for path in sorted(path for path in files if path.is_file()):
         if path.suffix != ".md" and "__pycache__" not in path.parts:
             name = path.relative_to(root).as_posix().encode()

@@ -6,9 +6,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tools.batch.memory import available_memory
-from tools.batch.parallel import processes as worker_processes
-from tools.batch.progress import Note, StageProgress
+from .memory import available_memory
+from .parallel import processes as worker_processes
+from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
@@ -21,7 +21,7 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
 
     progress: gets the note, and shows how far it is.
     """
-    from offline import compilation
+    from ...offline import compilation
 
     tell = _teller(progress)
     with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
@@ -37,7 +37,7 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
     processes: how many may be started. Call this in the command's own process, not in one that it has started.
     progress: see `announced_compilation`.
     """
-    from offline import kernels_to_compile
+    from ...offline import kernels_to_compile
 
     try:
         names = kernels_to_compile(*settings)
@@ -54,14 +54,14 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
 
 def to_compile() -> list[str]:
     """Names of all kernels that are not in the cache, those that take longest first. Raises RuntimeError where there is none."""
-    from offline import kernels_to_compile
+    from ...offline import kernels_to_compile
 
     return kernels_to_compile()
 
 
 def cache_folder() -> Path:
     """The folder of compiled kernels: beside the sources, NUMBA_CACHE_DIR, or the user's. Raises RuntimeError if there is none."""
-    from offline import kernel_cache
+    from ...offline import kernel_cache
 
     return kernel_cache()
 
@@ -77,7 +77,7 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
 
 
 def _compile(name: str, listener: StageProgress) -> None:
-    from offline import compile_kernel
+    from ...offline import compile_kernel
 
     compile_kernel(name)
 

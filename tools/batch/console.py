@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from .progress import StageProgress
 
-OUR_PACKAGES = ("shared", "device", "offline", "tools")
+_PACKAGE = __name__.partition(".")[0]
 
 
 class StandardOutputError(Exception):
@@ -84,7 +84,7 @@ class Console:
 
     def _trace(self, error: BaseException, traced: set[str]) -> None:
         """Print the traceback of an error that nobody foresaw, unless one from the same place has been printed."""
-        from shared.errors import PanchromaError  # not at the top: it imports NumPy
+        from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
         lines = [] if isinstance(error, PanchromaError) else traceback_of(error).splitlines()
         place = "\n".join(line for line in lines if line.startswith(" "))
@@ -124,11 +124,11 @@ def fault(error: BaseException) -> str:
     """The message for an exception that nobody foresaw, with the place where it was raised, or for a package that is missing."""
     if isinstance(error, WorkerFault):
         return str(error)
-    if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] not in OUR_PACKAGES:
+    if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != _PACKAGE:
         return f"the package {error.name} is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
-    ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in OUR_PACKAGES)]
+    ours = [frame for frame in frames if Path(frame.filename).is_relative_to(root)]
     place = (ours or frames)[-1]
     where = f"{Path(place.filename).name}:{place.lineno} (-v shows the traceback)"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
@@ -144,7 +144,7 @@ def note_warnings(note: Callable[[str], None]) -> None:
     usual = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
-        if category.__module__.partition(".")[0] in OUR_PACKAGES:
+        if category.__module__.partition(".")[0] == _PACKAGE:
             note(str(message))
         else:
             usual(message, category, *place)

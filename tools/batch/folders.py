@@ -5,8 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from shared.writing import sweep
-
+from ...shared.writing import sweep
 from .console import Console
 from .jobs import Job, fail, identity
 

@@ -4,22 +4,21 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from shared import Mosaic
-from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError
-from shared.processors import processors
-from shared.spelling import meant
-from tools.batch.console import to_stderr
-from tools.batch.memory import allowed_memory, format_bytes
-from tools.batch.progress import REMARKS, StageProgress
-from tools.io.kind import PictureKind
-from tools.io.samples import joined
-
+from ...shared import Mosaic
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.errors import InputError
+from ...shared.processors import processors
+from ...shared.spelling import meant
+from ..io.kind import PictureKind
+from ..io.samples import joined
 from .checks import check_light, needed_memory
 from .compilation import announced_compilation, compile_ahead
+from .console import to_stderr
+from .memory import allowed_memory, format_bytes
+from .progress import REMARKS, StageProgress
 
 if TYPE_CHECKING:
-    from offline import Rendering, RenderSettings, Stages
+    from ...offline import Rendering, RenderSettings, Stages
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
@@ -32,7 +31,7 @@ def note_once(line: str) -> None:
 
 def settings_named(preset: object) -> "RenderSettings":
     """The settings of a preset by name, or settings of one's own. Raises InputError for anything else."""
-    from offline import PRESETS, RenderSettings
+    from ...offline import PRESETS, RenderSettings
 
     if isinstance(preset, RenderSettings):
         return preset
@@ -49,7 +48,7 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | N
     Standard error has a note while the renderer is being compiled.
     Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
     """
-    from offline import colour_bands, measure, row_stages
+    from ...offline import colour_bands, measure, row_stages
 
     chosen = row_stages if stages is None else stages
     check_light(mosaic, settings)
@@ -66,7 +65,7 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | N
 
 def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:
     """What each of these presets makes of a shot; what has to be compiled is compiled first, on all processors."""
-    from offline import render
+    from ...offline import render
 
     settings = [settings_named(preset) for preset in presets]
     with announced_compilation(progress):
@@ -76,8 +75,8 @@ def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) 
 
 def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:
     """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
-    from offline import BEST
-    from offline.burst import merge_burst, render_burst_bands
+    from ...offline import BEST
+    from ...offline.burst import merge_burst, render_burst_bands
 
     with announced_compilation(progress):
         merged = merge_burst(mosaics, BEST, progress, reference=0)

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
-from shared.writing import dangling_link, sweep
-
+from ...shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
+from ...shared.writing import dangling_link, sweep
 from .console import Console, fault
 from .parallel import Function, Results, one_by_one
 from .progress import StageProgress

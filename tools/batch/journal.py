@@ -18,10 +18,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from shared.errors import InputError, OutputError
-from shared.figures import parsed_json
-from shared.writing import own_file, reason, short_name, sync_folder
-from tools.batch.jobs import identity
+from ...shared.errors import InputError, OutputError
+from ...shared.figures import parsed_json
+from ...shared.writing import own_file, reason, short_name, sync_folder
+from .jobs import identity
 
 NAME = ".panchroma-journal.jsonl"
 _FORMAT = 1

@@ -7,21 +7,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from shared import Camera, Mosaic, read_dng
-from shared.arrays import ByteArray, FloatArray
-from shared.progress import Progress
-from shared.reading import MAX_PIXELS
-from tools.batch.jobs import Job
-from tools.batch.progress import Note
-from tools.io.development import Development
-from tools.io.kind import PictureKind
-
+from ...shared import Camera, Mosaic, read_dng
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.progress import Progress
+from ...shared.reading import MAX_PIXELS
+from ..io.development import Development
+from ..io.kind import PictureKind
 from .checks import check_light
+from .jobs import Job
 from .journal import key
+from .progress import Note
 from .white_balance import AS_SHOT, WhiteBalance
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from ...offline import RenderSettings
 
 
 class Subject:
@@ -48,7 +47,7 @@ class Subject:
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.colour_bands` does."""
-        from offline import colour_bands, measure
+        from ...offline import colour_bands, measure
 
         measured = measure(self._given_up(), self.settings, progress)
         self.lost = measured.lost
@@ -100,7 +99,7 @@ class Order:
     @property
     def settings(self) -> Any:
         """RenderSettings of the preset."""
-        from offline import PRESETS
+        from ...offline import PRESETS
 
         return PRESETS[self.preset]
 
@@ -153,7 +152,7 @@ class Order:
 
         Every field counts that is not named in `no_matter`: one that is added later cannot be forgotten.
         """
-        from offline.version import ALGORITHM
+        from ...offline.version import ALGORITHM
 
         asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)

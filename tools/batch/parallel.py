@@ -73,8 +73,7 @@ def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note:
     note
         Called with each note of an item, in any of the threads.
     """
-    from tools.io.ahead import ahead
-
+    from ..io.ahead import ahead
     from .progress import StageProgress
 
     results = ahead(lambda item: _result_or_error(function, item, StageProgress(note=note)), items, count)
@@ -118,7 +117,7 @@ class Executor:
         ------
         (item, result or exception), as items finish.
         """
-        from shared.errors import InputError
+        from ...shared.errors import InputError
 
         waiting = iter(items)
         running: dict[Future[tuple[Any, list[str]]], P] = {}
@@ -164,7 +163,7 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
     """
     from pebble import ProcessExpired, ProcessPool
 
-    from shared.errors import InputError
+    from ...shared.errors import InputError
 
     before, spawn = set(multiprocessing.active_children()), multiprocessing.get_context("spawn")
     pools: list[ProcessPool] = []  # the last one is at work
@@ -220,8 +219,7 @@ def _begin(threads: int) -> None:
 
 def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
     """In a worker: (result or exception, notes). The exception of a fault carries its traceback as text."""
-    from shared.errors import PanchromaError
-
+    from ...shared.errors import PanchromaError
     from .progress import StageProgress
 
     notes: list[str] = []

@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING, cast
 
-from shared import CfaPattern, Mosaic
-from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError
+from ...shared import CfaPattern, Mosaic
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.errors import InputError
 
 if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
-    from device import Preview
+    from ...device import Preview
 
 
 class Previews:
@@ -26,7 +26,7 @@ class Previews:
 
     def __call__(self, mosaic: Mosaic) -> ByteArray:
         """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples. Raises InputError without such a scale."""
-        from device import Preview
+        from ...device import Preview
 
         pattern = mosaic.pattern.cropped(*mosaic.pattern.origin)  # wherever it begins, the graph is the same
         if pattern not in self._built:
@@ -36,20 +36,20 @@ class Previews:
 
 def linear_preview(mosaic: Mosaic) -> FloatArray:
     """The camera's preview of a shot at full size, without display processing: float32 (H, W, 3), scene units of the shot."""
-    from device import Preview
+    from ...device import Preview
 
     return cast(FloatArray, Preview(mosaic.pattern, linear=True, threads=1).run(mosaic))
 
 
 def preview_version() -> str:
     """Version of the graphs that make previews."""
-    from device.preview.graph import BUILDER
+    from ...device.preview.graph import BUILDER
 
     return BUILDER
 
 
 def preview_graph(pattern: CfaPattern, scale: int) -> bytes:
     """The graph of a preview as an ONNX file, see `device.preview.graph.build_preview`."""
-    from device.preview.graph import build_preview
+    from ...device.preview.graph import build_preview
 
     return build_preview(pattern, scale)

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from shared.progress import Progress
-
+from ...shared.progress import Progress
 from .console import to_stderr
 
 if TYPE_CHECKING:

@@ -7,21 +7,20 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache, partial
 
-from shared.errors import OutputError, PanchromaError
-from shared.processors import available_threads, processors
-from shared.writing import sweep
-from tools.batch.console import Console
-from tools.batch.jobs import Job, Outcome, State, do_jobs, file_status
-from tools.batch.memory import allowed_memory
-from tools.batch.parallel import Results, follow, one_by_one
-from tools.batch.parallel import processes as worker_processes
-from tools.batch.progress import REMARKS, Note, StageProgress
-
+from ...shared.errors import OutputError, PanchromaError
+from ...shared.processors import available_threads, processors
+from ...shared.writing import sweep
 from .attempt import attempt
 from .checks import needed_memory
 from .cluster import absolute_path, cluster
 from .compilation import compile_ahead
+from .console import Console
+from .jobs import Job, Outcome, State, do_jobs, file_status
+from .memory import allowed_memory
 from .order import Order
+from .parallel import Results, follow, one_by_one
+from .parallel import processes as worker_processes
+from .progress import REMARKS, Note, StageProgress
 
 _MANY = 2  # shots per processor from which on one process per processor pays
 _LARGEST = 3  # files that are read to learn how much memory the largest shot needs
@@ -129,7 +128,7 @@ def _on_worker(order: Order, memory: int | None, shot: Job, listener: StageProgr
     """Render on a dask worker, see `attempt`, with as many threads as it was started with."""
     from distributed import get_worker
 
-    from offline import use_threads
+    from ...offline import use_threads
 
     use_threads(min(get_worker().state.nthreads, available_threads()))  # of this thread
     return attempt(order, allowed_memory(memory), 1, shot, listener)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared import Mosaic
-from shared.errors import InputError
-from shared.white_balance import balanced, estimate_neutral
-from tools.io.kind import PictureKind
+from ...shared import Mosaic
+from ...shared.errors import InputError
+from ...shared.white_balance import balanced, estimate_neutral
+from ..io.kind import PictureKind
 
 _CAMERA, _AUTO = "camera", "auto"
 _LARGEST = 1000.0  # multiplier; its inverse is the smallest

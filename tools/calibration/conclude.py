@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Camera
-
+from ...shared import Camera
 from .measure import Measurements
 from .parts.colour import colour
 from .parts.gamma import gamma

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared import Mosaic
-from shared.errors import InputError
-
+from ...shared import Mosaic
+from ...shared.errors import InputError
 from .samples import CLIPPED, levels_of, robust_deviation, without
 
 # Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind are told apart.

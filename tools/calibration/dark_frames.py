@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared import Mosaic
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-
+from ...shared import Mosaic
+from ...shared.arrays import DoubleArray
+from ...shared.errors import InputError
 from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, tiles
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)

@@ -6,13 +6,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from shared import Camera, Mosaic, read_camera
-from shared.errors import InputError, OutputError
-from shared.writing import write_durably
-from tools.batch.folders import DNGS, Search, search
-from tools.batch.jobs import identity
-from tools.io.backup import keep_old
-
+from ...shared import Camera, Mosaic, read_camera
+from ...shared.errors import InputError, OutputError
+from ...shared.writing import write_durably
+from ..batch.folders import DNGS, Search, search
+from ..batch.jobs import identity
+from ..io.backup import keep_old
 from .gamma import Assumed
 
 Files = dict[str, list[str]]

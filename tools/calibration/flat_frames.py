@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shared import Mosaic
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-from shared.shading import ZOOMED
-
+from ...shared import Mosaic
+from ...shared.arrays import DoubleArray
+from ...shared.errors import InputError
+from ...shared.shading import ZOOMED
 from .samples import CLIPPED, levels_of
 
 Named = tuple[str, Mosaic]

@@ -24,11 +24,10 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc, huber, ndtri, stdtrit  # scipy.stats takes two seconds to load
 
-from shared import SensorCalibration
-from shared.arrays import BoolArray, DoubleArray
-from shared.errors import InputError
-from shared.figures import numbers
-
+from ...shared import SensorCalibration
+from ...shared.arrays import BoolArray, DoubleArray
+from ...shared.errors import InputError
+from ...shared.figures import numbers
 from .dark_frames import DarkResult
 from .noise import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation

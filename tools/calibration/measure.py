@@ -12,14 +12,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from shared import Camera, Mosaic, SensorCalibration, read_dng
-from shared.arrays import ByteArray, DoubleArray
-from shared.colorimetry import Matrix
-from shared.errors import InputError
-from tools.batch.console import Console
-from tools.batch.jobs import reason
-from tools.io.page import without_folders
-
+from ...shared import Camera, Mosaic, SensorCalibration, read_dng
+from ...shared.arrays import ByteArray, DoubleArray
+from ...shared.colorimetry import Matrix
+from ...shared.errors import InputError
+from ..batch.console import Console
+from ..batch.jobs import reason
+from ..io.page import without_folders
 from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
 from .colour_matrix import check_channel_order

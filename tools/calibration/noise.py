@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from shared import Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import BoolArray, DoubleArray
-from shared.errors import InputError
-
+from ...shared import Mosaic, NoiseModel, SensorCalibration
+from ...shared.arrays import BoolArray, DoubleArray
+from ...shared.errors import InputError
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
 from .samples import CLIP, CLIPPED, PlaceSamples, clipped_moments, levels_of, robust_deviation, tiles
 

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-from shared.reading import MAX_DOCUMENT, read_text
-from tools.io.colour import lab_to_xyz, xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
-
+from ...shared.arrays import DoubleArray
+from ...shared.errors import InputError
+from ...shared.reading import MAX_DOCUMENT, read_text
+from ..io.colour import lab_to_xyz, xyz_to_lab
+from ..io.colour_difference import delta_e_2000
 from .chart.place import COLUMNS, NAMES, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)

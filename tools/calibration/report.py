@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ
-from tools.io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
-from tools.io.page import embed_picture, embed_plot, render_page
-
+from ...shared.arrays import DoubleArray
+from ...shared.colorimetry import SRGB_TO_XYZ
+from ..io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
+from ..io.colour_difference import delta_e_2000
+from ..io.page import embed_picture, embed_plot, render_page
 from .chart.place import NAMES
 from .conclude import Result
 from .noise import SIGMAS, NoiseResult

@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from shared import CfaPattern, Mosaic, Shading
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-from shared.shading import basis
-
+from ...shared import CfaPattern, Mosaic, Shading
+from ...shared.arrays import DoubleArray
+from ...shared.errors import InputError
+from ...shared.shading import basis
 from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
 from .samples import robust_deviation
 

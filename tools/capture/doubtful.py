@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from device.capture import Saved
-from device.capture.frame_check import SlippedError
+from ...device.capture import Saved
+from ...device.capture.frame_check import SlippedError
 
 
 class DoubtfulShots:

@@ -12,10 +12,10 @@ from dataclasses import replace
 from time import monotonic
 from typing import Any
 
-from device.capture.frames import FrameLayout, RawFrame, format_named
-from shared import CaptureMetadata, CfaPattern
-from shared.errors import InputError
-from tools.simulation.pattern_text import read_pattern
+from ...device.capture.frames import FrameLayout, RawFrame, format_named
+from ...shared import CaptureMetadata, CfaPattern
+from ...shared.errors import InputError
+from ..simulation.pattern_text import read_pattern
 
 GENICAM = "genicam:"
 _DEBIAN = "/usr/lib/python3/dist-packages"  # where python3-gi is; a virtual environment does not look there

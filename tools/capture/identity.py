@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from device.capture.tiles import Tiles
-from shared.arrays import BoolArray, CodeArray, DoubleArray
-from shared.errors import InputError
-from shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
-from shared.tiles import TILES, name_of, place_of
+from ...device.capture.tiles import Tiles
+from ...shared.arrays import BoolArray, CodeArray, DoubleArray
+from ...shared.errors import InputError
+from ...shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
+from ...shared.tiles import TILES, name_of, place_of
 
 DENSE = {
     "Bayer": "RG/GB",
@@ -107,7 +107,7 @@ def identify(codes: CodeArray) -> Identity | None:
     the tile is one of DENSE. Of tiles with the same panchromatic sites the colours decide; where they do not, they are "?".
 
     >>> import numpy as np
-    >>> from tools.capture.identity import identify
+    >>> from panchroma.tools.capture.identity import identify
     >>> identify(np.full((300, 400), 512, np.uint16)) is None
     True
     """

@@ -10,10 +10,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
-from shared.arrays import CodeArray
-from shared.reading import opened_file
-
+from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
+from ...shared.arrays import CodeArray
+from ...shared.reading import opened_file
 from .identity import identify
 from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 

@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 
-from device.capture import Saved, capture, capture_burst
-from device.capture.frame_queue import FrameQueue
-from device.capture.shots import ShotFolder
-
+from ...device.capture import Saved, capture, capture_burst
+from ...device.capture.frame_queue import FrameQueue
+from ...device.capture.shots import ShotFolder
 from .source import FrameSource, Note, Stopped, preview_maker
 
 _DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older

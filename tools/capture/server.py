@@ -19,8 +19,7 @@ from socketserver import ThreadingTCPServer
 from typing import Any
 from urllib.parse import urlsplit
 
-from shared.errors import InputError, OutputError, PanchromaError
-
+from ...shared.errors import InputError, OutputError, PanchromaError
 from .viewfinder import Viewfinder
 
 _PAGE = Path(__file__).parent / "page"

@@ -14,16 +14,15 @@ from itertools import count
 from pathlib import Path
 from typing import cast
 
-from device import Preview
-from device.capture import PreviewMaker, Sensor
-from device.capture.frame_check import checked
-from device.capture.frame_folder import watch_folder
-from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared import Camera, CfaPattern, SensorCalibration
-from shared.arrays import ByteArray
-from shared.errors import InputError
-from tools.simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
-
+from ...device import Preview
+from ...device.capture import PreviewMaker, Sensor
+from ...device.capture.frame_check import checked
+from ...device.capture.frame_folder import watch_folder
+from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from ...shared import Camera, CfaPattern, SensorCalibration
+from ...shared.arrays import ByteArray
+from ...shared.errors import InputError
+from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 from .genicam import GENICAM, SETTINGS, GenicamCamera
 
 PIXEL_FORMATS = tuple(FORMATS)

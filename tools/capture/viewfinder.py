@@ -14,16 +14,15 @@ from typing import Any
 import imagecodecs
 import numpy as np
 
-from device.capture import PreviewMaker, Saved, Sensor
-from device.capture.frame_queue import FrameQueue
-from device.capture.frames import RawFrame
-from device.capture.shots import ShotFolder
-from device.capture.white_balance import SteadyWhite
-from device.preview.geometry import Geometry
-from shared import CfaPattern, Mosaic
-from shared.arrays import ByteArray
-from shared.errors import InputError
-
+from ...device.capture import PreviewMaker, Saved, Sensor
+from ...device.capture.frame_queue import FrameQueue
+from ...device.capture.frames import RawFrame
+from ...device.capture.shots import ShotFolder
+from ...device.capture.white_balance import SteadyWhite
+from ...device.preview.geometry import Geometry
+from ...shared import CfaPattern, Mosaic
+from ...shared.arrays import ByteArray
+from ...shared.errors import InputError
 from .doubtful import DoubtfulShots
 from .source import FrameSource, Refused, Stopped, preview_maker
 

@@ -9,15 +9,14 @@ file.
 
 import argparse
 
-from shared import read_dng
-from shared.errors import InputError
-from tools.batch.burst import BurstOrder
-from tools.batch.burst_files import series, series_stem
-from tools.batch.console import Console
-from tools.batch.folders import DNGS, search
-from tools.batch.jobs import FAILED, Job, identity, possible_jobs
-from tools.batch.run import render_all
-
+from ...shared import read_dng
+from ...shared.errors import InputError
+from ..batch.burst import BurstOrder
+from ..batch.burst_files import series, series_stem
+from ..batch.console import Console
+from ..batch.folders import DNGS, search
+from ..batch.jobs import FAILED, Job, identity, possible_jobs
+from ..batch.run import render_all
 from .options import add, numbers, pixel_limit
 from .picture_options import add_picture, add_run, order_fields
 

@@ -13,21 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shared import Camera
-from shared.arrays import DoubleArray
-from shared.colorimetry import Matrix
-from shared.errors import InputError
-from shared.lights import check_apart, illuminant_xy
-from shared.writing import write_durably
-from tools.batch.console import Console
-from tools.batch.jobs import FAILED, output_folder, refuse_existing
-from tools.io.colour import lab_to_xyz
-from tools.io.versions import program_version
-
+from ...shared import Camera
+from ...shared.arrays import DoubleArray
+from ...shared.colorimetry import Matrix
+from ...shared.errors import InputError
+from ...shared.lights import check_apart, illuminant_xy
+from ...shared.writing import write_durably
+from ..batch.console import Console
+from ..batch.jobs import FAILED, output_folder, refuse_existing
+from ..io.colour import lab_to_xyz
+from ..io.versions import program_version
 from .options import add, numbers, text, value
 
 if TYPE_CHECKING:
-    from tools.calibration.conclude import Result
+    from ..calibration.conclude import Result
 
 USAGE = "[SHOT ...] -o FILE"
 EXAMPLE = "panchroma calibrate chart.dng --dark darks --flat flats -o camera.json --report report"
@@ -72,11 +71,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
-    from tools.calibration.conclude import conclude
-    from tools.calibration.files import KINDS, check_output, check_same, read_known, sort_files
-    from tools.calibration.measure import measure_frames
-    from tools.calibration.reference import check_order, read_reference
-    from tools.calibration.report import write_report
+    from ..calibration.conclude import conclude
+    from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
+    from ..calibration.measure import measure_frames
+    from ..calibration.reference import check_order, read_reference
+    from ..calibration.report import write_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     lights = _lights(arguments)
@@ -121,7 +120,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def color_checker_xyz() -> DoubleArray:
     """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    from tools.simulation.drawn.charts import COLOR_CHECKER_LAB
+    from ..simulation.drawn.charts import COLOR_CHECKER_LAB
 
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
@@ -151,8 +150,8 @@ def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
 
 def _write(output: Path, result: "Result", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
-    from tools.calibration.files import write_camera
-    from tools.calibration.samples import figures
+    from ..calibration.files import write_camera
+    from ..calibration.samples import figures
 
     camera, verdict = result.camera, result.verdict
     if camera is None:

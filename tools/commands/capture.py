@@ -15,15 +15,14 @@ import argparse
 import resource
 from contextlib import closing
 
-from shared.errors import InputError, OutputError
-from tools.batch.console import Console
-from tools.batch.jobs import FAILED, output_folder
-from tools.batch.memory import allowed_memory, format_bytes
-from tools.batch.signals import Stopping
-from tools.capture.doubtful import DoubtfulShots
-from tools.capture.recorder import Recorder
-from tools.capture.source import FrameSource
-
+from ...shared.errors import InputError, OutputError
+from ..batch.console import Console
+from ..batch.jobs import FAILED, output_folder
+from ..batch.memory import allowed_memory, format_bytes
+from ..batch.signals import Stopping
+from ..capture.doubtful import DoubtfulShots
+from ..capture.recorder import Recorder
+from ..capture.source import FrameSource
 from .frame_options import add_source, source_of
 from .options import add, count
 

@@ -15,28 +15,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, read_dng, write_dng
-from shared.arrays import FloatArray
-from shared.dng import read_preview
-from shared.series import frame_name
-from shared.writing import write_durably
-from tools.batch.console import Console
-from tools.batch.in_memory import merged_picture, renderings
-from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
-from tools.batch.previews import Previews
-from tools.batch.progress import StageProgress
-from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.io.development import Development, write_picture
-from tools.io.display import ColourTransform
-from tools.io.kind import PictureKind
-from tools.io.scene import Scene
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.noise import PaperProtocol
-from tools.simulation.simulated_camera import SimulatedCamera
-
+from ...shared import CfaPattern, Mosaic, read_dng, write_dng
+from ...shared.arrays import FloatArray
+from ...shared.dng import read_preview
+from ...shared.series import frame_name
+from ...shared.writing import write_durably
+from ..batch.console import Console
+from ..batch.in_memory import merged_picture, renderings
+from ..batch.jobs import Job, Outcome, output_folder, run_jobs
+from ..batch.previews import Previews
+from ..batch.progress import StageProgress
+from ..evaluation.metrics import quality
+from ..evaluation.rivals.bilinear import demosaic_bilinear
+from ..io.development import Development, write_picture
+from ..io.display import ColourTransform
+from ..io.kind import PictureKind
+from ..io.scene import Scene
+from ..simulation.bayer import sample_bayer
+from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from ..simulation.drawn.builtin import builtin_scene
+from ..simulation.noise import PaperProtocol
+from ..simulation.simulated_camera import SimulatedCamera
 from .options import add
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ class _Demo:
         write_durably(preview, read_preview(self.folder / "shot.dng"))
         self.console.note(f"the camera's own preview is ready: {preview}")
 
-        from tools.io.illustrations import overview
+        from ..io.illustrations import overview
 
         with self.console.progress("demo") as progress:
             paper, best = renderings(mosaic, ("paper", "best"), progress)
@@ -142,7 +141,7 @@ class _Demo:
             write_picture(self.folder / name, [rgb], development)
 
     def _compare(self, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: dict[str, tuple[int, int]]) -> None:
-        from tools.io.illustrations import comparison
+        from ..io.illustrations import comparison
 
         shown = ColourTransform.to_space(mosaic.calibration)
         self._draw("comparison.png", comparison({name: shown.apply(rgb) for name, rgb in pictures.items()}, crops))

@@ -18,16 +18,15 @@ from importlib.metadata import PackageNotFoundError, requires
 from itertools import takewhile
 from pathlib import Path
 
-from shared.errors import DurabilityWarning, PanchromaError
-from shared.processors import processors
-from shared.writing import sync_folder, write_durably
-from tools.batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
-from tools.batch.console import Console
-from tools.batch.jobs import FAILED
-from tools.batch.memory import available_memory
-from tools.io.font_folder import temporary_font_folder
-from tools.io.versions import package_version, program_version
-
+from ...shared.errors import DurabilityWarning, PanchromaError
+from ...shared.processors import processors
+from ...shared.writing import sync_folder, write_durably
+from ..batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
+from ..batch.console import Console
+from ..batch.jobs import FAILED
+from ..batch.memory import available_memory
+from ..io.font_folder import temporary_font_folder
+from ..io.versions import package_version, program_version
 from .options import add
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
@@ -123,7 +122,7 @@ _EXTRAS = {
     "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars"),
     "rivals": ("pip install -e '.[rivals]'", "evaluate: the rivals with bm3d (non-commercial use only)"),
 }
-_MODULES = {"onnxruntime": "shared.runtime", "Pillow": "PIL"}
+_MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL"}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
 
 
@@ -181,9 +180,9 @@ def _preview() -> Iterator[Finding]:
     try:
         import numpy as np
 
-        from shared import CfaPattern, SensorCalibration
-        from tools.batch.previews import Previews
-        from tools.simulation.sensor import simulate_additive
+        from ...shared import CfaPattern, SensorCalibration
+        from ..batch.previews import Previews
+        from ..simulation.sensor import simulate_additive
 
         wall = np.full((24, 24, 3), 0.3, np.float32)
         mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))

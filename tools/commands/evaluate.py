@@ -10,25 +10,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared.errors import InputError, OutputError
-from shared.processors import processors
-from shared.tiles import TILES
-from shared.writing import write_durably
-from tools.batch.cluster import SchedulerGoneError, absolute_path
-from tools.batch.console import Console
-from tools.batch.jobs import FAILED, output_folder, refuse_existing
-from tools.batch.memory import allowed_memory
-from tools.evaluation.figures import Figures
-from tools.evaluation.tables import plain_text
-from tools.io.versions import program_version
-from tools.simulation.pattern_text import read_pattern
-
+from ...shared.errors import InputError, OutputError
+from ...shared.processors import processors
+from ...shared.tiles import TILES
+from ...shared.writing import write_durably
+from ..batch.cluster import SchedulerGoneError, absolute_path
+from ..batch.console import Console
+from ..batch.jobs import FAILED, output_folder, refuse_existing
+from ..batch.memory import allowed_memory
+from ..evaluation.figures import Figures
+from ..evaluation.tables import plain_text
+from ..io.versions import program_version
+from ..simulation.pattern_text import read_pattern
 from .options import add, add_noise, count, names, numbers, protocol_of
 
 if TYPE_CHECKING:
-    from tools.evaluation.study import Cell, Study
-    from tools.evaluation.team import Team
-    from tools.evaluation.tiles import Tile
+    from ..evaluation.study import Cell, Study
+    from ..evaluation.team import Team
+    from ..evaluation.tiles import Tile
 
 _SEED = 0  # of the noise
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
@@ -65,12 +64,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.evaluation.crops import render_crops
-    from tools.evaluation.page import build_page
-    from tools.evaluation.study import collect, missing_cells, remove_results
-    from tools.evaluation.tables import encode_csv, encode_json
-    from tools.evaluation.team import Team
-    from tools.io.page import without_folders
+    from ..evaluation.crops import render_crops
+    from ..evaluation.page import build_page
+    from ..evaluation.study import collect, missing_cells, remove_results
+    from ..evaluation.tables import encode_csv, encode_json
+    from ..evaluation.team import Team
+    from ..io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV)]
@@ -116,9 +115,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
-    from tools.evaluation.methods import choose, default_names, missing_packages
-    from tools.evaluation.scene_sets import Reading
-    from tools.evaluation.study import Study
+    from ..evaluation.methods import choose, default_names, missing_packages
+    from ..evaluation.scene_sets import Reading
+    from ..evaluation.study import Study
 
     protocol, wanted = protocol_of(arguments)
     levels = protocol.levels(wanted)
@@ -140,7 +139,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
 
 def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
     """The patterns of --pattern, each once."""
-    from tools.evaluation.tiles import Tile, chosen_tiles
+    from ..evaluation.tiles import Tile, chosen_tiles
 
     return chosen_tiles([], [Tile.named(read_pattern(text), text) for text in arguments.pattern])
 

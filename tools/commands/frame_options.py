@@ -5,12 +5,11 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
 
-from shared import Camera, CfaPattern
-from tools.batch.console import to_stdout
-from tools.batch.signals import starting_service
-from tools.capture.genicam import GENICAM, connected
-from tools.capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
-
+from ...shared import Camera, CfaPattern
+from ..batch.console import to_stdout
+from ..batch.signals import starting_service
+from ..capture.genicam import GENICAM, connected
+from ..capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 from .options import add, amount, camera_of, factor, value
 
 LAYOUT = ("width", "height", "pixel_format", "stride")

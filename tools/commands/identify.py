@@ -12,20 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import CodeArray
-from shared.errors import InputError
-from shared.writing import write_durably
-from tools.batch.console import Console
-from tools.batch.folders import Source, plan
-from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
-from tools.batch.progress import StageProgress
-from tools.capture.identity import facts_of
-from tools.capture.layouts import first_frame, likely_reading
-from tools.capture.source import STREAM, SourceOptions
-from tools.io.camera_raw import NO_RAW
-from tools.io.illustrations import tile_map
-from tools.simulation.load import sensor_samples
-
+from ...shared.arrays import CodeArray
+from ...shared.errors import InputError
+from ...shared.writing import write_durably
+from ..batch.console import Console
+from ..batch.folders import Source, plan
+from ..batch.jobs import Job, Outcome, output_folder, run_jobs
+from ..batch.progress import StageProgress
+from ..capture.identity import facts_of
+from ..capture.layouts import first_frame, likely_reading
+from ..capture.source import STREAM, SourceOptions
+from ..io.camera_raw import NO_RAW
+from ..io.illustrations import tile_map
+from ..simulation.load import sensor_samples
 from .frame_options import LAYOUT, add_layout, options_of
 from .options import add, pixel_limit
 

@@ -13,17 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from shared import Mosaic, Shading, read_camera, read_dng
-from shared.dng import read_preview, verify_dng
-from shared.errors import ForeignFileError
-from shared.networks import network_for
-from shared.processors import processors
-from tools.batch.console import Console
-from tools.batch.folders import DNGS, Source, search
-from tools.batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
-from tools.batch.parallel import follow, in_threads
-from tools.batch.progress import StageProgress
-
+from ...shared import Mosaic, Shading, read_camera, read_dng
+from ...shared.dng import read_preview, verify_dng
+from ...shared.errors import ForeignFileError
+from ...shared.networks import network_for
+from ...shared.processors import processors
+from ..batch.console import Console
+from ..batch.folders import DNGS, Source, search
+from ..batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
+from ..batch.parallel import follow, in_threads
+from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
 
 _COLUMN = 14  # characters for the name of a row

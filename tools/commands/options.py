@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from shared import Camera, CfaPattern, read_camera
-from shared.calibration import BITS
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from shared.tiles import TILES
-from tools.batch.memory import parse_bytes
-from tools.simulation.noise import PROTOCOLS, Protocol, chosen_protocol
-from tools.simulation.pattern_text import read_pattern
+from ...shared import Camera, CfaPattern, read_camera
+from ...shared.calibration import BITS
+from ...shared.errors import InputError
+from ...shared.reading import MAX_PIXELS
+from ...shared.tiles import TILES
+from ..batch.memory import parse_bytes
+from ..simulation.noise import PROTOCOLS, Protocol, chosen_protocol
+from ..simulation.pattern_text import read_pattern
 
 T = TypeVar("T")
 

@@ -4,12 +4,11 @@ import argparse
 import secrets
 from typing import Any
 
-from shared import read_camera
-from tools.batch.jobs import output_folder
-from tools.batch.white_balance import WhiteBalance
-from tools.io.formats import FORMATS, OTHER_NAMES
-from tools.io.kind import PictureKind
-
+from ...shared import read_camera
+from ..batch.jobs import output_folder
+from ..batch.white_balance import WhiteBalance
+from ..io.formats import FORMATS, OTHER_NAMES
+from ..io.kind import PictureKind
 from .options import add, pixel_limit
 
 

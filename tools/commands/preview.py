@@ -8,16 +8,15 @@ import argparse
 import time
 from pathlib import Path
 
-from shared import read_camera, read_dng
-from shared.errors import InputError
-from shared.writing import write_durably
-from tools.batch.console import Console
-from tools.batch.folders import DNGS, plan, search
-from tools.batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from tools.batch.previews import Previews, preview_graph
-from tools.batch.progress import StageProgress
-from tools.io.formats.jpg import check_quality, encode_jpeg
-
+from ...shared import read_camera, read_dng
+from ...shared.errors import InputError
+from ...shared.writing import write_durably
+from ..batch.console import Console
+from ..batch.folders import DNGS, plan, search
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from ..batch.previews import Previews, preview_graph
+from ..batch.progress import StageProgress
+from ..io.formats.jpg import check_quality, encode_jpeg
 from .options import add, add_shots, file_name, pixel_limit
 
 USAGE = "SHOT ... -o DIR"

@@ -8,14 +8,13 @@ what each picture was made from; with --resume an interrupted run continues, and
 import argparse
 from pathlib import Path
 
-from shared.errors import InputError
-from tools.batch.cluster import SchedulerGoneError
-from tools.batch.console import Console
-from tools.batch.folders import DNGS, plan, search
-from tools.batch.jobs import FAILED, counted, possible_jobs
-from tools.batch.order import Order
-from tools.batch.run import render_all
-
+from ...shared.errors import InputError
+from ..batch.cluster import SchedulerGoneError
+from ..batch.console import Console
+from ..batch.folders import DNGS, plan, search
+from ..batch.jobs import FAILED, counted, possible_jobs
+from ..batch.order import Order
+from ..batch.run import render_all
 from .options import add, add_shots
 from .picture_options import add_picture, add_run, order_fields
 

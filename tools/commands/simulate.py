@@ -19,22 +19,21 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import write_dng
-from shared.errors import InputError
-from shared.series import frame_name
-from shared.writing import write_durably
-from tools.batch.console import Console
-from tools.batch.folders import plan, search
-from tools.batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from tools.batch.previews import Previews
-from tools.batch.progress import StageProgress
-from tools.io.development import Development, write_picture
-from tools.io.kind import PictureKind
-from tools.simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
-from tools.simulation.lens import Lens
-from tools.simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
-from tools.simulation.simulated_camera import Exposed, SimulatedCamera
-
+from ...shared import write_dng
+from ...shared.errors import InputError
+from ...shared.series import frame_name
+from ...shared.writing import write_durably
+from ..batch.console import Console
+from ..batch.folders import plan, search
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from ..batch.previews import Previews
+from ..batch.progress import StageProgress
+from ..io.development import Development, write_picture
+from ..io.kind import PictureKind
+from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
+from ..simulation.lens import Lens
+from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
+from ..simulation.simulated_camera import Exposed, SimulatedCamera
 from .options import add, add_noise, amount, camera_of, count, numbers, pixel_limit, protocol_of
 
 RAW = "raw"

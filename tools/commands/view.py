@@ -11,13 +11,12 @@ import re
 import threading
 from contextlib import closing
 
-from shared.errors import InputError
-from tools.batch.console import Console, fault
-from tools.batch.jobs import FAILED, output_folder
-from tools.batch.signals import Stopping
-from tools.capture.server import ViewfinderServer
-from tools.capture.viewfinder import LiveView
-
+from ...shared.errors import InputError
+from ..batch.console import Console, fault
+from ..batch.jobs import FAILED, output_folder
+from ..batch.signals import Stopping
+from ..capture.server import ViewfinderServer
+from ..capture.viewfinder import LiveView
 from .frame_options import add_source, source_of
 from .options import add, value
 

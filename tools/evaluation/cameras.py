@@ -6,14 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic
-from shared.arrays import FloatArray
-from tools.io.scene import RGB, Scene
-from tools.simulation.bayer import channel_map, check_mosaic, sample_bayer
-from tools.simulation.filters import Filters
-from tools.simulation.noise import BayerShot, Protocol
-from tools.simulation.simulated_camera import SimulatedCamera
-
+from ...shared import CfaPattern, Mosaic
+from ...shared.arrays import FloatArray
+from ..io.scene import RGB, Scene
+from ..simulation.bayer import channel_map, check_mosaic, sample_bayer
+from ..simulation.filters import Filters
+from ..simulation.noise import BayerShot, Protocol
+from ..simulation.simulated_camera import SimulatedCamera
 from .tiles import filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)

@@ -7,12 +7,11 @@ from math import lcm, log2
 
 import numpy as np
 
-from shared import SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from tools.io.display import ColourTransform
-from tools.io.samples import quantise
-from tools.simulation.noise import Protocol
-
+from ...shared import SensorCalibration
+from ...shared.arrays import ByteArray, FloatArray
+from ..io.display import ColourTransform
+from ..io.samples import quantise
+from ..simulation.noise import Protocol
 from .cameras import CameraPair
 from .figures import RGB, Figures, Place
 from .measures import WINDOW, window_origins

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tools.simulation.noise import Protocol
-
+from ..simulation.noise import Protocol
 from .measures import PLANES, Histogram, Measures
 from .metrics import QUANTILES
 from .scene_sets import SETS

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
-from shared.colorimetry import SRGB_TO_XYZ
-from shared.white_balance import shades_of_grey
-from tools.io.colour import xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
-
+from ...shared.arrays import BoolArray, DoubleArray, FloatArray, strips
+from ...shared.colorimetry import SRGB_TO_XYZ
+from ...shared.white_balance import shades_of_grey
+from ..io.colour import xyz_to_lab
+from ..io.colour_difference import delta_e_2000
 from .metrics import BORDER
 
 WRONG = 10.0  # CIEDE2000: seen at a glance, side by side or not

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
-from tools.io.scene import RGB
-
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.errors import InputError
+from ..io.scene import RGB
 from .hue import PLACES, colour_kept, wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from shared.arrays import FloatArray
-from tools.io.versions import package_version
-
+from ...shared.arrays import FloatArray
+from ..io.versions import package_version
 from .cameras import CameraPair
 
 _EXTRAS = {"bm3d": "rivals"}  # packages that another extra of ours than `tools` installs

@@ -3,14 +3,13 @@
 from dataclasses import asdict
 from functools import cache, partial
 
-from offline import PRESETS, RenderSettings, render
-from offline.version import ALGORITHM
-from shared import Mosaic
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.spelling import meant
-from tools.batch.previews import linear_preview, preview_version
-
+from ...offline import PRESETS, RenderSettings, render
+from ...offline.version import ALGORITHM
+from ...shared import Mosaic
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
+from ...shared.spelling import meant
+from ..batch.previews import linear_preview, preview_version
 from .method import Method
 from .rivals import bilinear, bm3d_dlmmse, dlmmse, libraw
 from .rivals.network import CHANGED, ENDING, network

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.errors import InputError
 
 PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge

@@ -6,8 +6,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tools.io.page import embed_picture, embed_plot, render_page
-
+from ..io.page import embed_picture, embed_plot, render_page
 from .crops import AHEAD, BEHIND, Exhibit, Psnr
 from .figures import CRITERIA, Figures, Place
 from .measures import TITLES

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.white_balance import shades_of_grey
-from tools.batch.folders import search
-from tools.io.scene import Scene
-from tools.simulation.load import ENDINGS, is_drawn, load_scene, set_aside
-
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
+from ...shared.white_balance import shades_of_grey
+from ..batch.folders import search
+from ..io.scene import Scene
+from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8 bits) is not a measurement of light:

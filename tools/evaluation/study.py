@@ -10,12 +10,11 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from shared.arrays import FloatArray
-from shared.errors import InputError, OutputError, PanchromaError
-from shared.writing import own_file, write_durably
-from tools.io.scene import RGB
-from tools.simulation.noise import Protocol
-
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError, OutputError, PanchromaError
+from ...shared.writing import own_file, write_durably
+from ..io.scene import RGB
+from ..simulation.noise import Protocol
 from .cameras import CameraPair
 from .measures import Measures
 from .method import Method

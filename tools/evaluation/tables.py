@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tools.batch.console import one_line
-from tools.simulation.noise import Protocol
-
+from ..batch.console import one_line
+from ..simulation.noise import Protocol
 from .figures import CRITERIA, EVEN, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP

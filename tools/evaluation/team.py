@@ -7,14 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from shared.errors import InputError, PanchromaError
-from tools.batch.cluster import cluster
-from tools.batch.console import Console
-from tools.batch.jobs import reason
-from tools.batch.memory import format_bytes
-from tools.batch.parallel import follow, one_by_one, processes
-from tools.batch.progress import StageProgress
-
+from ...shared.errors import InputError, PanchromaError
+from ..batch.cluster import cluster
+from ..batch.console import Console
+from ..batch.jobs import reason
+from ..batch.memory import format_bytes
+from ..batch.parallel import follow, one_by_one, processes
+from ..batch.progress import StageProgress
 from .scene_sets import Reading, SceneInfo, distinct, expand
 from .study import Cell, Study, work
 

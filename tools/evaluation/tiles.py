@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern
-from tools.io.scene import RGB, Scene
-from tools.simulation.bayer import ORDER
-from tools.simulation.filters import Filters, filters_for
+from ...shared import CfaPattern
+from ..io.scene import RGB, Scene
+from ..simulation.bayer import ORDER
+from ..simulation.filters import Filters, filters_for
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
     pieces are held. Raises what `work` and `pieces` raise. When the iteration is left early, pieces that have begun are finished,
     and the others are dropped.
 
-    >>> from tools.io.ahead import ahead
+    >>> from panchroma.tools.io.ahead import ahead
     >>> list(ahead(abs, [-1, 2, -3]))
     [1, 2, 3]
     """

@@ -5,8 +5,8 @@ import shutil
 from itertools import count
 from pathlib import Path
 
-from shared.errors import OutputError
-from shared.writing import durable_file
+from ...shared.errors import OutputError
+from ...shared.writing import durable_file
 
 
 def keep_old(path: Path) -> Path:

@@ -15,18 +15,17 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import CaptureMetadata
-from shared.arrays import CodeArray, DoubleArray, FloatArray
-from shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
-from shared.dng import metadata_from
-from shared.dng.exif import WANTED, printable
-from shared.dng.tags import TAG
-from shared.errors import InputError
-from shared.lights import ILLUMINANTS, between
-from shared.reading import MAX_PIXELS
-from shared.tiff_reading import StoredDirectories, StoredFields, read_directories
-from shared.white_balance import clipped_share, normalised, shades_of_grey
-
+from ...shared import CaptureMetadata
+from ...shared.arrays import CodeArray, DoubleArray, FloatArray
+from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
+from ...shared.dng import metadata_from
+from ...shared.dng.exif import WANTED, printable
+from ...shared.dng.tags import TAG
+from ...shared.errors import InputError
+from ...shared.lights import ILLUMINANTS, between
+from ...shared.reading import MAX_PIXELS
+from ...shared.tiff_reading import StoredDirectories, StoredFields, read_directories
+from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoded import guarded
 from .file_size import data_bytes

@@ -11,8 +11,8 @@ rings of every colour. So a pixel beside a place where all channels are clipped 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-from shared.white_balance import clipped_share, raised_to_white
+from ...shared.arrays import FloatArray
+from ...shared.white_balance import clipped_share, raised_to_white
 
 SHOULDER = 0.02
 """Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and limits that differ a little."""

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import D50
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.colorimetry import D50
 
 P3_PRIMARIES = ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060))  # SMPTE EG 432-1
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import D50
-from tools.io.colour import CIE_EPSILON, CIE_KAPPA
+from ...shared.arrays import DoubleArray
+from ...shared.colorimetry import D50
+from .colour import CIE_EPSILON, CIE_KAPPA
 
 
 def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:

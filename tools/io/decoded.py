@@ -10,10 +10,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import CaptureMetadata
-from shared.errors import InputError
-from shared.tiff_reading import read_directories
-
+from ...shared import CaptureMetadata
+from ...shared.errors import InputError
+from ...shared.tiff_reading import read_directories
 from .encoding import ADOBE_RGB, SRGB, Encoding
 from .icc import read_profile
 from .scene import RGB, scene_channels

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.dng import read_metadata
-from shared.errors import InputError
-from shared.jpeg_check import JpegHeader, read_header
-from shared.reading import read_whole
-
+from ...shared.dng import read_metadata
+from ...shared.errors import InputError
+from ...shared.jpeg_check import JpegHeader, read_header
+from ...shared.reading import read_whole
 from .decoded import (
     MOST_PAGES,
     Decoded,

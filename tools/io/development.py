@@ -6,11 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from shared.tiff import Directory
-from shared.writing import OnComplete, durable_file
-
+from ...shared import CaptureMetadata, SensorCalibration
+from ...shared.arrays import ByteArray, FloatArray
+from ...shared.tiff import Directory
+from ...shared.writing import OnComplete, durable_file
 from .display import ColourTransform
 from .embedded import picture_directory
 from .icc import icc_profile

@@ -20,12 +20,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import CACHED, ByteArray, DoubleArray, FloatArray, strips
-from shared.calibration import SensorCalibration
-from shared.colorimetry import SRGB_PRIMARIES, Matrix, as_rows, primaries_to_xyz
-from shared.display import SATURATED, display_white
-from shared.errors import InputError
-from tools.io.colour import P3_PRIMARIES, encode_srgb
+from ...shared.arrays import CACHED, ByteArray, DoubleArray, FloatArray, strips
+from ...shared.calibration import SensorCalibration
+from ...shared.colorimetry import SRGB_PRIMARIES, Matrix, as_rows, primaries_to_xyz
+from ...shared.display import SATURATED, display_white
+from ...shared.errors import InputError
+from .colour import P3_PRIMARIES, encode_srgb
 
 MAX_EXPOSURE = 16.0
 # Fractions of what the shot could measure between which a place of a picture with restored highlights turns white: its colour

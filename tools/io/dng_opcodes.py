@@ -5,7 +5,7 @@ from typing import Any
 
 from tifffile import TIFF, TiffFile
 
-from shared.tiff_check import PLAIN, check_directories
+from ...shared.tiff_check import PLAIN, check_directories
 
 _LISTS = (51008, 51009, 51022)  # OpcodeList1 to 3
 # From number 1 on.

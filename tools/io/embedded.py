@@ -1,11 +1,11 @@
 """What goes into picture files beside the samples: capture data as TIFF and Exif directories."""
 
-from shared import CaptureMetadata
-from shared.dng import metadata_directory
-from shared.dng.exif import resolution_fields
-from shared.dng.tags import MAKER, TAG
-from shared.tiff import Directory, FieldType
-from tools.io.versions import package_version
+from ...shared import CaptureMetadata
+from ...shared.dng import metadata_directory
+from ...shared.dng.exif import resolution_fields
+from ...shared.dng.tags import MAKER, TAG
+from ...shared.tiff import Directory, FieldType
+from .versions import package_version
 
 # Exif 2.3, tables 4 and 15: required fields besides the capture data.
 _COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y = 40961, 37121, 40960, 40962, 40963

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import D65_XY, SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
-
+from ...shared.arrays import DoubleArray
+from ...shared.colorimetry import D65_XY, SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
 from .colour import P3_PRIMARIES, decode_srgb
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1

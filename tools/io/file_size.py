@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from io import SEEK_END
 from pathlib import Path
 
-from shared.errors import InputError
+from ...shared.errors import InputError
 
 _MOST_HOLES = 4096
 _MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024  # more strips or tiles than this have that many pixels each

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import DoubleArray, FloatArray, strips
-from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
-
+from ...shared.arrays import DoubleArray, FloatArray, strips
+from ...shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 from .encoding import LINEAR, REC_2020, Encoding, table_curve
 
 _NAME = "its ICC profile"

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared import Mosaic
-from shared.arrays import ByteArray, DoubleArray, FloatArray
-from shared.pattern import PANCHROMATIC
-
+from ...shared import Mosaic
+from ...shared.arrays import ByteArray, DoubleArray, FloatArray
+from ...shared.pattern import PANCHROMATIC
 from .display import ColourTransform
 from .samples import quantise
 

@@ -8,9 +8,8 @@ it. Capture data are written to every format that has fields for them.
 
 from dataclasses import dataclass
 
-from shared.errors import InputError
-from shared.spelling import meant
-
+from ...shared.errors import InputError
+from ...shared.spelling import meant
 from .development import CAMERA
 from .display import check_exposure
 from .formats import FORMATS, Format

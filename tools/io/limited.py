@@ -20,8 +20,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.errors import InputError
-
+from ...shared.errors import InputError
 from .file_size import data_bytes
 
 Facts = dict[str, Any]
@@ -32,7 +31,7 @@ _BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, 
 _BYTES_PER_THREAD = 10 << 20  # stacks of the threads that a library starts, one per processor
 _LONGEST_FACTS = 1 << 20  # bytes
 _SAMPLES = ("uint8", "uint16", "uint32", "float16", "float32")
-_START = "import sys; sys.path[:] = {path!r}; from tools.io.limited import serve; serve()"
+_START = "import sys; sys.path[:] = {path!r}; from panchroma.tools.io.limited import serve; serve()"
 
 
 def run_limited(

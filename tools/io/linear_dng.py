@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from tifffile import TIFF, TiffFile, TiffPage
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.dng import metadata_from
-from shared.dng.reader import DngReader
-from shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from shared.tiff_check import check_directories
-from shared.white_balance import clipped_share, normalised
-
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.dng import metadata_from
+from ...shared.dng.reader import DngReader
+from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
+from ...shared.errors import InputError
+from ...shared.reading import MAX_PIXELS
+from ...shared.tiff_check import check_directories
+from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
 from .file_size import check_pieces, data_bytes

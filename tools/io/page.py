@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shared.arrays import ByteArray
-
+from ...shared.arrays import ByteArray
 from .font_folder import temporary_font_folder
 
 if TYPE_CHECKING:

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.colorimetry import Matrix, among, as_rows
-from shared.errors import InputError
-from shared.white_balance import shades_of_grey
-
+from ...shared.arrays import FloatArray
+from ...shared.colorimetry import Matrix, among, as_rows
+from ...shared.errors import InputError
+from ...shared.white_balance import shades_of_grey
 from .clipped import with_white_highlights
 from .decoded import Decoded
 from .encoding import LINEAR, SRGB, Encoding

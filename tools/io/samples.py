@@ -9,10 +9,9 @@ from typing import IO, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import ByteArray, CodeArray, FloatArray, strips
-from shared.errors import InputError, OutputError
-from shared.writing import reason
-
+from ...shared.arrays import ByteArray, CodeArray, FloatArray, strips
+from ...shared.errors import InputError, OutputError
+from ...shared.writing import reason
 from .display import ColourTransform
 
 _READ = 64  # rows read back at a time

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shared import CaptureMetadata
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
+from ...shared import CaptureMetadata
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
+from ...shared.reading import MAX_PIXELS
 
 RGB = "RGB"
 BROADBAND = {"C": "GB", "M": "RB", "Y": "RG"}

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import D65_XY
-from shared.dng import read_metadata
-from shared.errors import InputError
-from shared.tiff_check import PLAIN, check_directories
-
+from ...shared.arrays import DoubleArray
+from ...shared.colorimetry import D65_XY
+from ...shared.dng import read_metadata
+from ...shared.errors import InputError
+from ...shared.tiff_check import PLAIN, check_directories
 from .decoded import (
     MOST_PAGES,
     Decoded,

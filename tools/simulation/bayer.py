@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-from shared.errors import InputError
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
 
 ORDER = "RGGB"
 """Filters of the first two rows."""

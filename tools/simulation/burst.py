@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from shared import CaptureMetadata
-from shared.arrays import FloatArray
-from shared.errors import InputError
-
+from ...shared import CaptureMetadata
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
 from .motion import MOST_DEGREES, Motion, displaced, reach
 
 MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared import CfaPattern, NoiseModel
-from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import Matrix, as_rows, nominal_to_xyz
-from shared.errors import InputError
-from tools.io.scene import BROADBAND, RGB, Scene
-
+from ...shared import CfaPattern, NoiseModel
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.colorimetry import Matrix, as_rows, nominal_to_xyz
+from ...shared.errors import InputError
+from ..io.scene import BROADBAND, RGB, Scene
 from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared import SensorCalibration, Shading
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-from shared.shading import basis
+from ...shared import SensorCalibration, Shading
+from ...shared.arrays import DoubleArray
+from ...shared.errors import InputError
+from ...shared.shading import basis
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %
 _PLACES = 128  # along an axis, at which they are made, whatever the size of the frame
@@ -72,7 +72,7 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     planes: number of channels, and one.
     shape: (rows, columns) of the frame.
 
-    >>> from tools.simulation.lens import lens_shading
+    >>> from panchroma.tools.simulation.lens import lens_shading
     >>> lens = lens_shading(2, 0.15, 4, (600, 900))
     >>> [round(float(lens.of_plane((600, 900), plane)[0, 0]), 2) for plane in range(4)]
     [4.69, 3.99, 3.47, 3.99]

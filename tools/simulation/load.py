@@ -12,22 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from shared import read_dng
-from shared.arrays import CodeArray
-from shared.dng.tags import MAKER, TAG
-from shared.errors import ForeignFileError, InputError
-from shared.reading import MAX_PIXELS, opened_file
-from shared.spelling import closest
-from shared.tiff_check import PLAIN, check_directories
-from tools.io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
-from tools.io.decoded import PictureFormat, guarded
-from tools.io.decoders import FORMATS
-from tools.io.dng_opcodes import remark_on_opcodes
-from tools.io.linear_dng import linear_dng_scene
-from tools.io.picture import gehler_shi_scene, picture_scene
-from tools.io.scene import RGB, Scene, check_size, scene_channels
-from tools.io.tiff import TIFF
-
+from ...shared import read_dng
+from ...shared.arrays import CodeArray
+from ...shared.dng.tags import MAKER, TAG
+from ...shared.errors import ForeignFileError, InputError
+from ...shared.reading import MAX_PIXELS, opened_file
+from ...shared.spelling import closest
+from ...shared.tiff_check import PLAIN, check_directories
+from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
+from ..io.decoded import PictureFormat, guarded
+from ..io.decoders import FORMATS
+from ..io.dng_opcodes import remark_on_opcodes
+from ..io.linear_dng import linear_dng_scene
+from ..io.picture import gehler_shi_scene, picture_scene
+from ..io.scene import RGB, Scene, check_size, scene_channels
+from ..io.tiff import TIFF
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from ...shared.arrays import FloatArray
 
 MOST_DEGREES = 30.0
 """The largest rotation that is simulated: beyond it margins would take most of a picture."""

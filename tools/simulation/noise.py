@@ -6,9 +6,8 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.errors import InputError
-
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
 from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _BITS = 12

@@ -3,11 +3,11 @@
 import os
 import re
 
-from shared.errors import InputError
-from shared.pattern import PERIODS, CfaPattern
-from shared.reading import read_text
-from shared.spelling import meant
-from shared.tiles import EXPECTED, TILES, letters_of
+from ...shared.errors import InputError
+from ...shared.pattern import PERIODS, CfaPattern
+from ...shared.reading import read_text
+from ...shared.spelling import meant
+from ...shared.tiles import EXPECTED, TILES, letters_of
 
 _LETTERS = re.compile("[A-Z/]+")
 _MOST_LETTERS = PERIODS[-1] * (PERIODS[-1] + 1)  # with what parts the rows
@@ -21,7 +21,7 @@ def read_pattern(text: str) -> CfaPattern:
         In a file a row ends with its line or a "/"; white space, empty lines, and what follows a # are left out.
     Raises InputError that names the file, or the argument `pattern`, and says what is wrong with the letters.
 
-    >>> from tools.simulation.pattern_text import read_pattern
+    >>> from panchroma.tools.simulation.pattern_text import read_pattern
     >>> read_pattern("kodak") == read_pattern("WBWG/BWGW/WGWR/GWRW")
     True
     """

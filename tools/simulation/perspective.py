@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from ...shared.arrays import DoubleArray
 
 
 def rectangle(left: float, top: float, right: float, bottom: float) -> DoubleArray:

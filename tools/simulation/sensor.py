@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from shared.calibration import NoiseModel, SensorCalibration
-from shared.errors import InputError
-from shared.metadata import CaptureMetadata
-from shared.mosaic import Mosaic
-from shared.pattern import CfaPattern
+from ...shared.arrays import FloatArray
+from ...shared.calibration import NoiseModel, SensorCalibration
+from ...shared.errors import InputError
+from ...shared.metadata import CaptureMetadata
+from ...shared.mosaic import Mosaic
+from ...shared.pattern import CfaPattern
 
 # A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene units), read noise 3 electrons.
 TYPICAL_SHOT = 3 / 15_000

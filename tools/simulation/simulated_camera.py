@@ -13,19 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from tools.io.decoded import Decoded
-from tools.io.decoders import decode_array
-from tools.io.picture import picture_scene
-from tools.io.scene import Scene
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.load import load_scene
-
+from ...shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from ...shared.arrays import FloatArray
+from ...shared.errors import InputError
+from ..io.decoded import Decoded
+from ..io.decoders import decode_array
+from ..io.picture import picture_scene
+from ..io.scene import Scene
 from .burst import SimulatedFrame
+from .drawn.builtin import builtin_scene
 from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
+from .load import load_scene
 from .noise import PaperProtocol, Protocol, SensorProtocol
 from .sensor import simulate_additive, simulate_sensor, typical_noise
 

@@ -1,4 +1,4 @@
-"""Make the networks of `offline/models` from folders of photographs: `python -m tools.training FOLDER... -o DIR`.
+"""Make the networks of `offline/models` from folders of photographs: `python -m panchroma.tools.training FOLDER... -o DIR`.
 
 An interrupted training goes on where it stopped.
 """
@@ -6,12 +6,12 @@ An interrupted training goes on where it stopped.
 import argparse
 import sys
 
-from shared.errors import InputError, PanchromaError
-from shared.pattern import CfaPattern
-from shared.processors import processors
-from shared.tiles import EXPECTED
-from tools.batch.console import Console
-from tools.batch.jobs import output_folder
+from ...shared.errors import InputError, PanchromaError
+from ...shared.pattern import CfaPattern
+from ...shared.processors import processors
+from ...shared.tiles import EXPECTED
+from ..batch.console import Console
+from ..batch.jobs import output_folder
 
 _STEPS, _LEAST = 6000, 20
 
@@ -28,7 +28,7 @@ def add_common(parser: argparse.ArgumentParser, steps: int) -> None:
 
 def main() -> int:
     """Train; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m tools.training", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m panchroma.tools.training", description=__doc__)
     add_common(parser, _STEPS)
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="for the networks")
     tiles = f"a network for each; {EXPECTED} (default: K=4 K=6 K=8)"

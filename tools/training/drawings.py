@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from tools.simulation.drawn.dead_leaves import dead_leaves
+from ...shared.arrays import FloatArray
+from ..simulation.drawn.dead_leaves import dead_leaves
 
 SIZE = 384
 _FINE = 3  # samples per pixel and axis

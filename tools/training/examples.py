@@ -10,16 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from offline.parts import Part
-from offline.render import measure, parts_of
-from offline.settings import BEST
-from offline.stages.colour_network import Cells, Residuals
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
-from shared.writing import durable_file
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive
-
+from ...offline.parts import Part
+from ...offline.render import measure, parts_of
+from ...offline.settings import BEST
+from ...offline.stages.colour_network import Cells, Residuals
+from ...shared import CfaPattern, Mosaic, SensorCalibration
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.writing import durable_file
+from ..simulation.load import load_scene
+from ..simulation.sensor import simulate_additive
 from .drawings import drawing
 
 DRAWN = "drawn"

@@ -17,8 +17,8 @@ import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
-from shared.arrays import FloatArray, IndexArray
-from shared.writing import write_durably
+from ...shared.arrays import FloatArray, IndexArray
+from ...shared.writing import write_durably
 
 _OPSET, _IR = 17, 8
 _GROUP = 16  # channels: onnxruntime is faster where there is a multiple of these

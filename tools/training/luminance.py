@@ -1,4 +1,6 @@
-"""Learn what corrects filled luminance, `offline.stages.luminance_network`: `python -m tools.training.luminance FOLDER... -o FILE`.
+"""Learn what corrects filled luminance, `offline.stages.luminance_network`.
+
+    python -m panchroma.tools.training.luminance FOLDER... -o FILE
 
 Photographs and drawings are simulated with tiles of several K, without and with noise, and filled by wavelets. From the pixels
 around each block the network foretells what its sites are off by. The same command with as many threads gives the same weights.
@@ -17,14 +19,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from offline import use_threads
-from offline.settings import UNLEARNED
-from offline.stages.luminance import recover_luminance
-from offline.stages.luminance_network import REACH, SIDE, seen_around
-from shared import CfaPattern
-from shared.arrays import BORDER, FloatArray
-from tools.batch.console import Console
-
+from ...offline import use_threads
+from ...offline.settings import UNLEARNED
+from ...offline.stages.luminance import recover_luminance
+from ...offline.stages.luminance_network import REACH, SIDE, seen_around
+from ...shared import CfaPattern
+from ...shared.arrays import BORDER, FloatArray
+from ..batch.console import Console
 from .__main__ import add_common
 from .examples import DRAWN, kept_back, photographed, photographs
 from .graph import Graph
@@ -124,7 +125,7 @@ def save(network: nn.Sequential, path: Path) -> None:
 
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m tools.training.luminance", description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m panchroma.tools.training.luminance", description=__doc__.partition("\n\n")[0])
     add_common(parser, 60000)
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
     parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")

@@ -14,8 +14,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from offline.stages.colour_network import BASIS, EVIDENCE, GATE, LUMINANCE, MARGIN, RANGE, REACH, SURROUNDINGS
-from shared.arrays import FloatArray
+from ...offline.stages.colour_network import BASIS, EVIDENCE, GATE, LUMINANCE, MARGIN, RANGE, REACH, SURROUNDINGS
+from ...shared.arrays import FloatArray
 
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""

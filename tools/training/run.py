@@ -18,15 +18,14 @@ import numpy as np
 import torch
 from scipy.linalg import block_diag
 
-from offline.stages.colour_network import BASIS, SURROUNDINGS
-from offline.version import ALGORITHM
-from shared.arrays import FloatArray, IndexArray
-from shared.errors import InputError
-from shared.networks import Block, load_network, network_file, network_for
-from shared.pattern import PANCHROMATIC, CfaPattern
-from shared.progress import Progress
-from shared.writing import durable_file
-
+from ...offline.stages.colour_network import BASIS, SURROUNDINGS
+from ...offline.version import ALGORITHM
+from ...shared.arrays import FloatArray, IndexArray
+from ...shared.errors import InputError
+from ...shared.networks import Block, load_network, network_file, network_for
+from ...shared.pattern import PANCHROMATIC, CfaPattern
+from ...shared.progress import Progress
+from ...shared.writing import durable_file
 from .examples import DRAWN, kept_back, load_example, make_example, save_example
 from .graph import Turn, load_weights, save_graph
 from .network import HALO, Network, descent, losses, optimiser_of, share_left, units
@@ -158,7 +157,7 @@ def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tupl
 
 
 def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
-    from offline import use_threads
+    from ...offline import use_threads
 
     use_threads(1)
     source, pattern, seed, path = task

@@ -11,15 +11,15 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from device.capture import Refused, Saved, Sensor, capture, capture_burst
-from device.capture.frame_queue import FrameQueue
-from device.capture.frames import FrameLayout, RawFrame
-from device.capture.shots import ShotFolder
-from device.capture.white_balance import SteadyWhite
-from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
-from shared.arrays import ByteArray
-from shared.dng import read_preview
-from shared.errors import DurabilityWarning, InputError, OutputError
+from panchroma.device.capture import Refused, Saved, Sensor, capture, capture_burst
+from panchroma.device.capture.frame_queue import FrameQueue
+from panchroma.device.capture.frames import FrameLayout, RawFrame
+from panchroma.device.capture.shots import ShotFolder
+from panchroma.device.capture.white_balance import SteadyWhite
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared.arrays import ByteArray
+from panchroma.shared.dng import read_preview
+from panchroma.shared.errors import DurabilityWarning, InputError, OutputError
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT, shot
 

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from device.capture import Sensor
-from device.capture.frame_check import checked
-from device.capture.frames import FORMATS, FrameLayout, RawFrame
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import CodeArray, FloatArray
-from shared.errors import InputError
+from panchroma.device.capture import Sensor
+from panchroma.device.capture.frame_check import checked
+from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import CodeArray, FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
 from tests.scenes import leaves
-from tools.simulation.sensor import simulate_additive
 
 SIZE = (192, 256)
 SCENE = leaves(*SIZE)

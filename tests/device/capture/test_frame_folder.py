@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from device.capture import frame_folder
-from device.capture.frame_folder import watch_folder
-from device.capture.frames import FrameLayout, RawFrame
-from shared.errors import InputError
+from panchroma.device.capture import frame_folder
+from panchroma.device.capture.frame_folder import watch_folder
+from panchroma.device.capture.frames import FrameLayout, RawFrame
+from panchroma.shared.errors import InputError
 
 LAYOUT = FrameLayout(2, 2, "u16")
 FRAME = bytes(range(8))

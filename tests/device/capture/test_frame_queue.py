@@ -3,9 +3,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from device.capture.frame_queue import FrameQueue
-from device.capture.frames import RawFrame
-from shared.errors import InputError
+from panchroma.device.capture.frame_queue import FrameQueue
+from panchroma.device.capture.frames import RawFrame
+from panchroma.shared.errors import InputError
 
 
 def frame(number: int) -> RawFrame:

@@ -4,8 +4,8 @@ import re
 import numpy as np
 import pytest
 
-from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared.errors import InputError
+from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from panchroma.shared.errors import InputError
 from tests.device.packer import pack, random_codes
 
 

@@ -12,10 +12,10 @@ from unittest.mock import Mock
 
 import pytest
 
-from device.capture.shots import ShotFolder
-from shared import Mosaic, read_dng, writing
-from shared.arrays import ByteArray
-from shared.errors import InputError, OutputError
+from panchroma.device.capture.shots import ShotFolder
+from panchroma.shared import Mosaic, read_dng, writing
+from panchroma.shared.arrays import ByteArray
+from panchroma.shared.errors import InputError, OutputError
 from tests.shared.dng.examples import mosaic, preview, same
 
 TAKEN = datetime(2026, 3, 9, 7, 5, 1, 20900, tzinfo=UTC)

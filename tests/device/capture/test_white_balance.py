@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from device.capture.white_balance import SteadyWhite
-from shared import Mosaic, SensorCalibration
-from shared.colorimetry import SRGB_TO_XYZ
+from panchroma.device.capture.white_balance import SteadyWhite
+from panchroma.shared import Mosaic, SensorCalibration
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from tests.shared.test_white_balance import LIGHT, shot
 
 

@@ -3,9 +3,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from device.preview.border import ExtendedFrame
-from shared import CfaPattern
-from shared.arrays import CodeArray
+from panchroma.device.preview.border import ExtendedFrame
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import CodeArray
 
 MARGINS = (-13, 11), (-9, 14)
 

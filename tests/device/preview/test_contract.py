@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from device import Preview
-from device.preview.graph import build_preview
-from shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.colorimetry import SRGB_TO_XYZ
+from panchroma.device import Preview
+from panchroma.device.preview.graph import build_preview
+from panchroma.shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from tests.data import ROOT
 from tests.python import run_python
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from device import Preview
-from device.preview.even_light import even_light
-from shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.device import Preview
+from panchroma.device.preview.even_light import even_light
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.scenes import darker_corners, leaves
-from tools.simulation.sensor import simulate_additive
 
 SHAPE = (240, 360)
 LENS = darker_corners(SHAPE)

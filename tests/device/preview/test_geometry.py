@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from device.preview.geometry import Geometry
-from shared import CfaPattern
-from shared.errors import InputError
+from panchroma.device.preview.geometry import Geometry
+from panchroma.shared import CfaPattern
+from panchroma.shared.errors import InputError
 
 PATTERNS = [
     *(CfaPattern.bayer(period, origin=(1, 2)) for period in (3, 4, 5, 6, 8, 16)),

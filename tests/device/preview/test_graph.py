@@ -7,16 +7,16 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
-from device import Preview
-from device.preview import chromaticity, contract, graph, luminance, pattern_graph, picture
-from device.preview.geometry import Geometry
-from device.preview.graph import build_preview
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import FloatArray
-from shared.colorimetry import SRGB_TO_XYZ
+from panchroma.device import Preview
+from panchroma.device.preview import chromaticity, contract, graph, luminance, pattern_graph, picture
+from panchroma.device.preview.geometry import Geometry
+from panchroma.device.preview.graph import build_preview
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.sensor import sample
 from tests.reference.compare import assert_close
-from tools.io.display import ColourTransform
-from tools.simulation.sensor import sample
 
 DIGEST = "faf08fc3c36a738ca7b9fd0e8377667a6ccd1f520716f51cb6876c2edfd9e953"
 """Of the graphs of CASES."""

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from device import Preview
-from device.preview.listed_defects import without_defects
-from shared import CfaPattern, Mosaic, SensorCalibration, Shading
-from shared.arrays import FloatArray
-from tools.simulation.sensor import sample
+from panchroma.device import Preview
+from panchroma.device.preview.listed_defects import without_defects
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.sensor import sample
 
 SIX = CfaPattern.bayer(6)
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")

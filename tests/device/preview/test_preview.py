@@ -4,13 +4,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from device import Preview
-from device.preview import preview as runtime
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
-from shared.arrays import CodeArray
-from shared.errors import InputError
-from tools.io.colour import encode_srgb
-from tools.simulation.sensor import sample, simulate_additive
+from panchroma.device import Preview
+from panchroma.device.preview import preview as runtime
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
+from panchroma.shared.arrays import CodeArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.io.colour import encode_srgb
+from panchroma.tools.simulation.sensor import sample, simulate_additive
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from offline.burst import Motion, in_frame, in_reference
-from shared.arrays import DoubleArray, FloatArray
+from panchroma.offline.burst import Motion, in_frame, in_reference
+from panchroma.shared.arrays import DoubleArray, FloatArray
 
 SHAPE = (150, 210)
 

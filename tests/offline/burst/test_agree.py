@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from offline.burst import View
-from offline.burst import agree as module
-from offline.burst.agree import agreement_of_luminance
-from shared import NoiseModel
-from shared.arrays import DoubleArray
+from panchroma.offline.burst import View
+from panchroma.offline.burst import agree as module
+from panchroma.offline.burst.agree import agreement_of_luminance
+from panchroma.shared import NoiseModel
+from panchroma.shared.arrays import DoubleArray
 
 SHAPE = (90, 120)
 INSIDE = np.s_[35:55, 45:75]

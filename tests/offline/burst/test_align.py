@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline.burst import Alignment, Motion, View, align
-from offline.settings import BEST
-from offline.stages.luminance import recover_luminance
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
+from panchroma.offline.burst import Alignment, Motion, View, align
+from panchroma.offline.settings import BEST
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.calibration import NoiseModel
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.burst.scenes import SHAPE, error, pixels, seen
-from tools.simulation.sensor import simulate_additive
 
 BETWEEN = 0.03  # pixels: what linear interpolation and the share of moving things leave
 NOISE = NoiseModel.gaussian(0.03, 4)
@@ -53,7 +53,9 @@ def test_the_motion_of_the_camera_is_found(motion: Motion) -> None:
 
 @pytest.mark.parametrize("shape", [(61, 143), (144, 90), (211, 304)])
 def test_frames_of_any_size(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["offline.burst.align"], "_LARGEST", 60_000)  # the largest is compared at half its size
+    monkeypatch.setattr(
+        sys.modules["panchroma.offline.burst.align"], "_LARGEST", 60_000
+    )  # the largest is compared at half its size
     assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 2 * BETWEEN
 
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render
-from offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
-from offline.burst.colour import relit_sites
-from offline.frame import BlockSums, Cleaned
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
-from shared.arrays import FloatArray
-from shared.errors import ConvergenceError, InputError, RangeError
-from tools.simulation.sensor import simulate_additive
+from panchroma.offline import BEST, PAPER, render
+from panchroma.offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
+from panchroma.offline.burst.colour import relit_sites
+from panchroma.offline.frame import BlockSums, Cleaned
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import ConvergenceError, InputError, RangeError
+from panchroma.tools.simulation.sensor import simulate_additive
 
 from .scenes import SHAPE, light
 
@@ -171,7 +171,7 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    for module in ("offline.numerics.linked", "offline.stages.affinity"):
+    for module in ("panchroma.offline.numerics.linked", "panchroma.offline.stages.affinity"):
         monkeypatch.setattr(f"{module}.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import Measured, Part, SolverLog
-from offline.burst.colour import ColourSamples, Spreading
-from offline.numerics.linked import TILE
-from offline.parts import applied
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.offline import Measured, Part, SolverLog
+from panchroma.offline.burst.colour import ColourSamples, Spreading
+from panchroma.offline.numerics.linked import TILE
+from panchroma.offline.parts import applied
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import FloatArray
 
 LETTERS = "RGBCMY"
 MOST = 600  # iterations that uncertain samples take, which spread far

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from offline.burst import Motion, in_reference
-from offline.burst.merge import Frames, merge
-from offline.burst.motion import Motions
-from shared import CfaPattern
-from shared.arrays import ByteArray, DoubleArray, FloatArray
+from panchroma.offline.burst import Motion, in_reference
+from panchroma.offline.burst.merge import Frames, merge
+from panchroma.offline.burst.motion import Motions
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.offline.burst.scenes import pixels
 from tests.reference.compare import assert_close
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.burst import Motion, in_frame, in_reference
-from offline.burst.motion import displaced
-from shared.errors import InputError
+from panchroma.offline.burst import Motion, in_frame, in_reference
+from panchroma.offline.burst.motion import displaced
+from panchroma.shared.errors import InputError
 from tests.offline.burst.scenes import pixels
 from tests.reference.compare import assert_close
 from tests.reference.geometry import keys

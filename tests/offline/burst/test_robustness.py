@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline import BEST, render
-from offline.burst import MergedBurst, merge_burst, render_burst_bands, select
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import BoolArray, DoubleArray, FloatArray
-from tools.simulation.sensor import simulate_additive
+from panchroma.offline import BEST, render
+from panchroma.offline.burst import MergedBurst, merge_burst, render_burst_bands, select
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import BoolArray, DoubleArray, FloatArray
+from panchroma.tools.simulation.sensor import simulate_additive
 
 _SHAPE = (132, 150)
 _SHIFTS = ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER
-from offline.burst import copies, merge_burst
-from offline.burst.agree import Frame
-from offline.burst.select import candidates_of, noise_models
-from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.offline import BEST, PAPER
+from panchroma.offline.burst import copies, merge_burst
+from panchroma.offline.burst.agree import Frame
+from panchroma.offline.burst.select import candidates_of, noise_models
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (150, 132), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared import CfaPattern
+from panchroma.shared import CfaPattern
 
 BLOCKS: tuple[tuple[str, ...], ...] = (("RG", "GB"), ("RGB",), ("RGB", "XWY"), ("R", "G"))
 

@@ -11,10 +11,10 @@ import numba
 import numpy as np
 import pytest
 
-from offline.numerics import compile as product
-from offline.numerics.arrays import Ints1
-from offline.numerics.interpolation import interpolate
-from shared.arrays import IndexArray
+from panchroma.offline.numerics import compile as product
+from panchroma.offline.numerics.arrays import Ints1
+from panchroma.offline.numerics.interpolation import interpolate
+from panchroma.shared.arrays import IndexArray
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -30,8 +30,8 @@ def mirror(pieces: Pieces, places: Ints1, size: int):
 """
 SCRIPT = """
 import numpy as np
-from offline.numerics.compile import compilation
-from offline.numerics.mirror import mirror
+from panchroma.offline.numerics.compile import compilation
+from panchroma.offline.numerics.mirror import mirror
 with compilation(lambda number, most: print("compiling", number)):
     places = np.array([-3, 6])
     mirror(places, 5)
@@ -65,8 +65,8 @@ def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_
 
 IN_TURN = """
 import numpy as np
-from offline.numerics.arrays import Doubles1
-from offline.numerics.compile import Pieces, compilation, kernel, parallel_kernel
+from panchroma.offline.numerics.arrays import Doubles1
+from panchroma.offline.numerics.compile import Pieces, compilation, kernel, parallel_kernel
 
 @kernel
 def part(x):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from offline.numerics import functions
-from offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, where_less
-from shared.arrays import FloatArray
+from panchroma.offline.numerics import functions
+from panchroma.offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, where_less
+from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 
 # What the docstrings of the approximations promise.

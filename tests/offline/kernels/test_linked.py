@@ -5,9 +5,9 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from offline.numerics.linked import TILE, Extent, Prior, Samples, fitted
-from shared.arrays import DoubleArray
-from shared.progress import SILENT
+from panchroma.offline.numerics.linked import TILE, Extent, Prior, Samples, fitted
+from panchroma.shared.arrays import DoubleArray
+from panchroma.shared.progress import SILENT
 
 PRIOR = Prior(0.1, 1e-3, 0.3)
 HALO = 16

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.numerics import pieces as product
-from shared.processors import threads
+from panchroma.offline.numerics import pieces as product
+from panchroma.shared.processors import threads
 from tests.python import run_python
 
 
@@ -71,8 +71,8 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
 FORKED = """
 import os, warnings
 import numpy as np
-from offline.numerics.interpolation import interpolate
-from offline import use_threads
+from panchroma.offline.numerics.interpolation import interpolate
+from panchroma.offline import use_threads
 
 warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: fork in a process with threads
 use_threads(3)

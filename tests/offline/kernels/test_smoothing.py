@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d
 
-from offline.numerics.gaussian import gaussian, smooth
+from panchroma.offline.numerics.gaussian import gaussian, smooth
 
 FLOAT32 = 1e-6
 

@@ -4,8 +4,8 @@ from datetime import datetime
 
 import numpy as np
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import ByteArray
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import ByteArray
 
 METADATA = CaptureMetadata(
     make="Contax",

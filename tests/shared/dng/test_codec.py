@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from tifffile import TiffFile, TiffPage
 
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.calibration import BITS
-from shared.colorimetry import D50
-from shared.dng import decode_dng, encode_dng, record
-from shared.dng.container import raw_digest
-from shared.dng.record import RECORD_ID, decode_record, encode_record
-from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS, PERIODS
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.calibration import BITS
+from panchroma.shared.colorimetry import D50
+from panchroma.shared.dng import decode_dng, encode_dng, record
+from panchroma.shared.dng.container import raw_digest
+from panchroma.shared.dng.record import RECORD_ID, decode_record, encode_record
+from panchroma.shared.errors import InputError
+from panchroma.shared.pattern import BAYER_ORDERS, PERIODS
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
 

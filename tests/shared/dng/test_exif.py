@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shared import CaptureMetadata
-from shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
-from shared.dng.exif import TEXTS, text
-from shared.dng.tags import GPS, TAG
-from shared.tiff import Directory, Fields, FieldType, encode_tiff
-from shared.tiff_reading import read_directories
+from panchroma.shared import CaptureMetadata
+from panchroma.shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
+from panchroma.shared.dng.exif import TEXTS, text
+from panchroma.shared.dng.tags import GPS, TAG
+from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
+from panchroma.shared.tiff_reading import read_directories
 from tests.shared.dng.examples import METADATA, mosaic, preview
 
 ASCII, SHORT, RATIONAL = FieldType.ASCII, FieldType.SHORT, FieldType.RATIONAL

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import shared
-from shared.dng import decode_preview, encode_dng, read_dng, read_preview, verify_dng, write_dng
-from shared.errors import InputError, OutputError
-from shared.pattern import CfaPattern
+from panchroma import shared
+from panchroma.shared.dng import decode_preview, encode_dng, read_dng, read_preview, verify_dng, write_dng
+from panchroma.shared.errors import InputError, OutputError
+from panchroma.shared.pattern import CfaPattern
 from tests.shared.dng.examples import METADATA, mosaic, preview, same
 
 

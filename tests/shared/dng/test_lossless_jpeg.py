@@ -4,7 +4,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from shared.dng.lossless_jpeg import encode_lossless
+from panchroma.shared.dng.lossless_jpeg import encode_lossless
 
 
 @pytest.mark.parametrize("bits", [10, 12, 13, 14, 16])

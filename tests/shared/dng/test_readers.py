@@ -11,9 +11,9 @@ import rawpy
 from PIL import Image
 from tifffile import TiffFile
 
-from shared import CfaPattern, Mosaic
-from shared.dng import encode_dng, read_dng, read_preview, write_dng
-from shared.lights import CalibratedLight
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.dng import encode_dng, read_dng, read_preview, write_dng
+from panchroma.shared.lights import CalibratedLight
 from tests.exiftool import exiftool
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 

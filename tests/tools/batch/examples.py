@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
-from shared.calibration import NoiseModel
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from panchroma.shared.calibration import NoiseModel
 
 
 def save_mosaic(path: Path, mosaic: Mosaic) -> Path:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from shared.errors import InputError
-from tools.batch.burst_files import series, series_stem
-from tools.batch.folders import DNGS, Source, search
+from panchroma.shared.errors import InputError
+from panchroma.tools.batch.burst_files import series, series_stem
+from panchroma.tools.batch.folders import DNGS, Source, search
 
 
 def found(folder: Path, *names: str) -> list[Source]:

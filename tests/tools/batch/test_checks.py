@@ -6,21 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import offline
-from offline import BEST, PRESETS
-from offline.numerics.arrays import Floats1
-from offline.numerics.compile import ParallelKernel, Pieces
-from shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma import offline
+from panchroma.offline import BEST, PRESETS
+from panchroma.offline.numerics.arrays import Floats1
+from panchroma.offline.numerics.compile import ParallelKernel, Pieces
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.tools.batch import checks
+from panchroma.tools.batch import compilation as product
+from panchroma.tools.batch.compilation import announced_compilation
+from panchroma.tools.batch.memory import format_bytes, parse_bytes
+from panchroma.tools.batch.progress import StageProgress
+from panchroma.tools.io.formats import FORMATS
+from panchroma.tools.io.kind import PictureKind
 from tests.python import run_python
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, names, run
-from tools.batch import checks
-from tools.batch import compilation as product
-from tools.batch.compilation import announced_compilation
-from tools.batch.memory import format_bytes, parse_bytes
-from tools.batch.progress import StageProgress
-from tools.io.formats import FORMATS
-from tools.io.kind import PictureKind
 
 SMALL = (60, 90)
 LARGE = (1700, 1500)
@@ -58,7 +58,7 @@ def test_sizes_are_rounded_up(size: int, words: str) -> None:
 def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, name: str, bits: str, preset: str) -> None:
     shot = save_mosaic(tmp_path / "shot.dng", mosaic(LARGE))
     script = (
-        "import re; from pathlib import Path; from tools.cli import main\n"
+        "import re; from pathlib import Path; from panchroma.tools.cli import main\n"
         "try: main()\n"
         "finally: print(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])"
     )
@@ -103,7 +103,7 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
         numbers[0] = 2
 
     kernel = ParallelKernel(fresh, len)
-    monkeypatch.setattr("offline.kernel_cache", nowhere)
+    monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
     said: list[str] = []
     with announced_compilation(StageProgress(note=said.append)):
         kernel(np.ones(1, np.float32))

@@ -12,13 +12,13 @@ from typing import IO
 import numpy as np
 import pytest
 
+from panchroma.tools.batch import cluster as module
+from panchroma.tools.batch.cluster import source_digest
+from panchroma.tools.batch.journal import NAME
 from tests.dask_cluster import cluster, scheduler, worker
 from tests.data import ROOT
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import contents, ended, run, start
-from tools.batch import cluster as module
-from tools.batch.cluster import source_digest
-from tools.batch.journal import NAME
 
 pytest.importorskip("distributed")
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from tools.batch.console import Console, one_line
+from panchroma.tools.batch.console import Console, one_line
 
 
 @pytest.mark.parametrize(

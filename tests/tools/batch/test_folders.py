@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from panchroma.tools.batch.folders import DNGS, Source, search
+from panchroma.tools.evaluation.scene_sets import expand
 from tests.tools.command import contents, run
 from tests.tools.io.files import write_dng
-from tools.batch.folders import DNGS, Source, search
-from tools.evaluation.scene_sets import expand
 
 
 def touch(top: Path, *names: str) -> None:

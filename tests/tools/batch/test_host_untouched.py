@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
+from panchroma.tools.batch.progress import StageProgress
 from tests.python import run_python
-from tools.batch.progress import StageProgress
 
 SCRIPT = """
 import gc, os, signal, sys, threading
@@ -29,8 +29,8 @@ if __name__ == "__main__":
     before, seen = surroundings(), []
     import panchroma
     from tests.tools.batch.test_host_untouched import threads_of
-    from tools.io.ahead import ahead
-    from tools.batch.parallel import processes
+    from panchroma.tools.io.ahead import ahead
+    from panchroma.tools.batch.parallel import processes
 
     shot = panchroma.simulate("builtin:200x120", sigma=0.01)
     panchroma.preview(shot)

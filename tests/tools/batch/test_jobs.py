@@ -8,12 +8,12 @@ from typing import Any, NoReturn
 
 import pytest
 
-from shared.errors import InputError, OutputError
+from panchroma.shared.errors import InputError, OutputError
+from panchroma.tools.batch.console import Console, StandardOutputError
+from panchroma.tools.batch.folders import Source, plan
+from panchroma.tools.batch.jobs import Job, Outcome, output_folder, run_jobs
+from panchroma.tools.batch.progress import StageProgress
 from tests.tools.command import run
-from tools.batch.console import Console, StandardOutputError
-from tools.batch.folders import Source, plan
-from tools.batch.jobs import Job, Outcome, output_folder, run_jobs
-from tools.batch.progress import StageProgress
 
 Said = pytest.CaptureFixture[str]
 

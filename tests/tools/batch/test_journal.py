@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-import offline
-from shared import Camera, CfaPattern, SensorCalibration, Shading
-from shared.calibration import NoiseModel
-from shared.errors import OutputError
+from panchroma import offline
+from panchroma.shared import Camera, CfaPattern, SensorCalibration, Shading
+from panchroma.shared.calibration import NoiseModel
+from panchroma.shared.errors import OutputError
+from panchroma.tools.batch.burst import BurstOrder
+from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, key, output_lock
+from panchroma.tools.batch.order import Order
+from panchroma.tools.batch.white_balance import WhiteBalance
+from panchroma.tools.io.kind import PictureKind
 from tests.walking import one_field_changed
-from tools.batch.burst import BurstOrder
-from tools.batch.journal import NAME, Entry, Journal, digest, key, output_lock
-from tools.batch.order import Order
-from tools.batch.white_balance import WhiteBalance
-from tools.io.kind import PictureKind
 
 
 def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:
@@ -181,6 +181,6 @@ def test_every_setting_of_the_render_changes_the_key(monkeypatch: pytest.MonkeyP
     for other in settings.values():
         monkeypatch.setitem(offline.PRESETS, "best", other)
         keys.add(key_of(Order(**WHOLE)))
-    monkeypatch.setattr("offline.version.ALGORITHM", -1)
+    monkeypatch.setattr("panchroma.offline.version.ALGORITHM", -1)
     keys.add(key_of(Order(**WHOLE)))
     assert len(keys) == len(settings) + 2

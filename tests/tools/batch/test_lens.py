@@ -5,14 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, RenderSettings, render, render_bands
-from shared import CfaPattern, Mosaic, SensorCalibration, Shading
-from shared.arrays import FloatArray
+from panchroma.offline import BEST, PAPER, RenderSettings, render, render_bands
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.lens import lens_shading
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.benchmarks.harness import photographed
 from tests.benchmarks.shading import figures as figures_of_shading
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.lens import lens_shading
-from tools.simulation.sensor import simulate_sensor
 
 SHAPE = (240, 360)
 DARK = lens_shading(2, 0.15, 4, SHAPE)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from shared import control_groups
-from shared import processors as counted
+from panchroma.shared import control_groups
+from panchroma.shared import processors as counted
+from panchroma.tools.batch.memory import available_memory
 from tests.python import run_python
-from tools.batch.memory import available_memory
 
 
 def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +82,7 @@ def test_the_limit_of_a_job_counts_in_whichever_of_its_groups_it_is(
 @pytest.mark.parametrize("kind", ["RLIMIT_AS", "RLIMIT_DATA"])
 def test_a_limit_of_the_process_counts(kind: str) -> None:
     script = (
-        "import resource; from tools.batch.memory import available_memory\n"
+        "import resource; from panchroma.tools.batch.memory import available_memory\n"
         f"resource.setrlimit(resource.{kind}, (3 << 30, resource.RLIM_INFINITY)); print(available_memory())"
     )
     assert 2**30 < int(run_python(script)) < 3 * 2**30

@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from offline import PAPER
-from shared import read_dng
-from shared.errors import InputError, PanchromaError
+from panchroma.offline import PAPER
+from panchroma.shared import read_dng
+from panchroma.shared.errors import InputError, PanchromaError
+from panchroma.tools.batch.checks import needed_memory
+from panchroma.tools.batch.console import Console, WorkerFault, fault
+from panchroma.tools.batch.journal import NAME
+from panchroma.tools.batch.parallel import duration, follow, one_by_one, processes
+from panchroma.tools.batch.progress import Note, StageProgress
+from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import contents, ended, results, run, start
-from tools.batch.checks import needed_memory
-from tools.batch.console import Console, WorkerFault, fault
-from tools.batch.journal import NAME
-from tools.batch.parallel import duration, follow, one_by_one, processes
-from tools.batch.progress import Note, StageProgress
-from tools.io.kind import PictureKind
 
 
 def double(item: int, listener: StageProgress) -> tuple[int, int]:
@@ -122,7 +122,7 @@ def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
         "1 s", "40 s", "12 min", "3 h 20 min",
     ]  # fmt: skip
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
-    monkeypatch.setattr("tools.batch.parallel.time.monotonic", lambda: next(times))
+    monkeypatch.setattr("panchroma.tools.batch.parallel.time.monotonic", lambda: next(times))
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
     results = one_by_one(lambda item, _: -item, [4, 5, 1], lambda _: StageProgress())
     assert dict(follow(results, [4, 5, 1], StageProgress(), length=float)) == {4: -4, 5: -5, 1: -1}

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from shared import read_dng
+from panchroma.shared import read_dng
+from panchroma.tools.batch import attempt
+from panchroma.tools.batch.journal import NAME
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
-from tools.batch import attempt
-from tools.batch.journal import NAME
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path,
         Path(path).write_bytes(Path(path).read_bytes() + b"!")
         return mosaic
 
-    monkeypatch.setattr("tools.batch.order.read_dng", late)
+    monkeypatch.setattr("panchroma.tools.batch.order.read_dng", late)
     assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
 

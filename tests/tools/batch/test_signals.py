@@ -8,11 +8,11 @@ from contextlib import suppress
 
 import pytest
 
+from panchroma.tools.batch.console import Console
+from panchroma.tools.batch.jobs import Job, Outcome, run_jobs
+from panchroma.tools.batch.progress import StageProgress
+from panchroma.tools.batch.signals import Terminated, orderly_end
 from tests.tools.command import spawn
-from tools.batch.console import Console
-from tools.batch.jobs import Job, Outcome, run_jobs
-from tools.batch.progress import StageProgress
-from tools.batch.signals import Terminated, orderly_end
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
@@ -68,7 +68,7 @@ def test_a_signal_while_the_program_leaves_shows_nothing(number: signal.Signals)
     """After its work: while threads are joined, and modules are taken down."""
     script = f"""
 import signal
-from tools.batch.signals import orderly_end
+from panchroma.tools.batch.signals import orderly_end
 signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever the program that runs the tests had
 with orderly_end(last=True):
     pass

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
-from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
-from tools.calibration.gamma import Assumed
-from tools.commands.calibrate import color_checker_xyz
-from tools.io.scene import Scene
-from tools.simulation.drawn.charts import CORNERS, chart_scene
-from tools.simulation.perspective import apply_homography, homography, rectangle
-from tools.simulation.sensor import simulate_sensor
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
+from panchroma.tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
+from panchroma.tools.calibration.gamma import Assumed
+from panchroma.tools.commands.calibrate import color_checker_xyz
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.drawn.charts import CORNERS, chart_scene
+from panchroma.tools.simulation.perspective import apply_homography, homography, rectangle
+from panchroma.tools.simulation.sensor import simulate_sensor
 
 NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))
 TRUTH = SensorCalibration(

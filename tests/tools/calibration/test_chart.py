@@ -5,20 +5,20 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
-from shared.colorimetry import D50, Matrix, as_rows
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.colorimetry import D50, Matrix, as_rows
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.chart.find import chart_at, find_chart
+from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
+from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
+from panchroma.tools.io.colour import lab_to_xyz, xyz_to_lab
+from panchroma.tools.io.colour_difference import delta_e_2000, lab_slopes
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.perspective import rectangle
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
 from tests.tools.calibration.known_camera import HEIGHT, REFERENCE, WIDTH, chart, frame, true_place
-from tools.calibration.chart.find import chart_at, find_chart
-from tools.calibration.chart.place import ChartPlace, least_pitch
-from tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
-from tools.io.colour import lab_to_xyz, xyz_to_lab
-from tools.io.colour_difference import delta_e_2000, lab_slopes
-from tools.simulation.load import load_scene
-from tools.simulation.perspective import rectangle
-from tools.simulation.sensor import simulate_additive
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.
 # Those kept are the ones at the turns of hue, near grey, far apart, and a few of the small ones.

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from shared import SensorCalibration
+from panchroma.shared import SensorCalibration
+from panchroma.tools.calibration.chart.place import ChartPlace
 from tests.benchmarks.coverage import SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
 from tests.tools.calibration.known_camera import PATTERNS, true_place
-from tools.calibration.chart.place import ChartPlace
 
 SIMPLE = SimulatedCamera(
     pattern=PATTERNS["K = 6"],

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.gamma import GammaFit, check_determined, combined, fit_gamma, reconciled, unknowns
+from panchroma.tools.calibration.measure import measure_chart
+from panchroma.tools.calibration.samples import PlaceSamples, patch_samples
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, WIDTH, chart, frame, measured, true_place
 from tests.tools.calibration.test_coverage import SIMPLE
-from tools.calibration.gamma import GammaFit, check_determined, combined, fit_gamma, reconciled, unknowns
-from tools.calibration.measure import measure_chart
-from tools.calibration.samples import PlaceSamples, patch_samples
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive
 
 GAMMA = np.array(TRUTH.gamma)
 SONY = "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-from tools.calibration.shading import measure_shading
-from tools.simulation.lens import lens_shading
-from tools.simulation.sensor import simulate_sensor
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.shading import measure_shading
+from panchroma.tools.simulation.lens import lens_shading
+from panchroma.tools.simulation.sensor import simulate_sensor
 
 SHAPE = 300, 450
 PATTERN, KODAK = CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic
-from shared.errors import InputError
+from panchroma.shared import Camera, CfaPattern, Mosaic
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.conclude import conclude
+from panchroma.tools.calibration.dark_frames import DarkResult
+from panchroma.tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
+from panchroma.tools.calibration.noise import FlatResult
+from panchroma.tools.calibration.samples import PlaceSamples
+from panchroma.tools.calibration.shading import ShadingResult
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
-from tools.calibration.conclude import conclude
-from tools.calibration.dark_frames import DarkResult
-from tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
-from tools.calibration.noise import FlatResult
-from tools.calibration.samples import PlaceSamples
-from tools.calibration.shading import ShadingResult
-from tools.simulation.sensor import simulate_sensor
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")

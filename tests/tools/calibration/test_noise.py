@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CfaPattern, Mosaic, NoiseModel
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.conclude import Result, conclude
+from panchroma.tools.calibration.dark_frames import measure_dark
+from panchroma.tools.calibration.measure import Measurements
+from panchroma.tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
-from tools.calibration.conclude import Result, conclude
-from tools.calibration.dark_frames import measure_dark
-from tools.calibration.measure import Measurements
-from tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
-from tools.simulation.sensor import simulate_sensor
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CaptureMetadata, CfaPattern, Mosaic
-from shared.errors import InputError
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic
+from panchroma.shared.errors import InputError
+from panchroma.tools.batch.console import Console
+from panchroma.tools.calibration.conclude import Result, conclude
+from panchroma.tools.calibration.files import check_same
+from panchroma.tools.calibration.measure import Measurements, Session
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import BLIND, HEIGHT, NOISE, REFERENCE, WIDTH, chart, edited, frame, stating, true_place
-from tools.batch.console import Console
-from tools.calibration.conclude import Result, conclude
-from tools.calibration.files import check_same
-from tools.calibration.measure import Measurements, Session
 
 SHAPE = (HEIGHT, WIDTH)
 EVEN = np.ones((*SHAPE, 3))

@@ -12,15 +12,15 @@ import pytest
 import rawpy
 from tifffile import TiffFile
 
-from shared import SensorCalibration, read_camera, read_dng
-from shared.arrays import DoubleArray
-from shared.white_balance import balanced
+from panchroma.shared import SensorCalibration, read_camera, read_dng
+from panchroma.shared.arrays import DoubleArray
+from panchroma.shared.white_balance import balanced
+from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour, light_change
+from panchroma.tools.io.colour import encode_srgb, xyz_to_lab
+from panchroma.tools.io.colour_difference import delta_e_2000
 from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
 from tests.tools.command import repeated, run
-from tools.calibration.colour_matrix import GREYS, fit_colour, light_change
-from tools.io.colour import encode_srgb, xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
 
 CELLS = true_place().cells
 THIRD = "3200", "4000", "5000"

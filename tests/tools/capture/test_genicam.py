@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import CfaPattern, read_dng
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, read_dng
+from panchroma.shared.errors import InputError
+from panchroma.tools.capture.genicam import libraries
 from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
 from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
 from tests.tools.command import Outcome, ended, run, shots, spawn, start
-from tools.capture.genicam import libraries
 
 # PFNC's name and code, ours, bits.
 MONO8, MONO12, MONO12P = ("Mono8", 0x01080001, "u8", 8), ("Mono12", 0x01100005, "u16", 12), ("Mono12p", 0x010C0047, "mono12p", 12)

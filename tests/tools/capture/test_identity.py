@@ -6,12 +6,12 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from shared.arrays import CodeArray, FloatArray
-from shared.tiles import TILES, letters_of
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import CodeArray, FloatArray
+from panchroma.shared.tiles import TILES, letters_of
+from panchroma.tools.capture.identity import DENSE, UNKNOWN, identify, pattern_of
 from tests.data import photograph
 from tests.scenes import leaves
-from tools.capture.identity import DENSE, UNKNOWN, identify, pattern_of
 
 SCENE = leaves(160, 216)
 LARGE = leaves(256, 320)

@@ -16,18 +16,18 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from device.capture import PreviewMaker, Sensor
-from device.capture.frames import FrameLayout, RawFrame
-from device.capture.shots import ShotFolder
-from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
-from shared.arrays import ByteArray
-from shared.dng import read_preview
-from shared.errors import InputError, OutputError
+from panchroma.device.capture import PreviewMaker, Sensor
+from panchroma.device.capture.frames import FrameLayout, RawFrame
+from panchroma.device.capture.shots import ShotFolder
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared.arrays import ByteArray
+from panchroma.shared.dng import read_preview
+from panchroma.shared.errors import InputError, OutputError
+from panchroma.tools.capture import server, viewfinder
+from panchroma.tools.capture.server import ViewfinderServer
+from panchroma.tools.capture.viewfinder import Viewfinder, fitting_scale, show_frames
 from tests.device.packer import random_codes
 from tests.tools.command import names
-from tools.capture import server, viewfinder
-from tools.capture.server import ViewfinderServer
-from tools.capture.viewfinder import Viewfinder, fitting_scale, show_frames
 
 SIZE = (20, 30)
 

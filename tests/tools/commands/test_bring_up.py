@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from shared import read_dng
+from panchroma.shared import read_dng
 from tests.data import ROOT
 from tests.tools.command import PROGRAM, ended, start
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import tifffile
 
-from offline import PRESETS, render
-from offline.burst import merge_burst, render_burst_bands
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from panchroma.offline import PRESETS, render
+from panchroma.offline.burst import merge_burst, render_burst_bands
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from panchroma.tools.evaluation.metrics import psnr
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.tools.batch.examples import save_mosaic, save_shot
 from tests.tools.calibration.known_camera import stating
 from tests.tools.command import Outcome, assert_refused, contents, names, results, run
-from tools.evaluation.metrics import psnr
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive
 
 MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
 UNLEARNED = PRESETS["unlearned"]

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, read_camera, read_dng
-from shared.colorimetry import D50
-from shared.errors import InputError
+from panchroma.shared import Camera, read_camera, read_dng
+from panchroma.shared.colorimetry import D50
+from panchroma.shared.errors import InputError
+from panchroma.tools.calibration.files import write_camera
+from panchroma.tools.calibration.reference import check_order, read_reference
+from panchroma.tools.commands.calibrate import color_checker_xyz
+from panchroma.tools.io.colour import xyz_to_lab
+from panchroma.tools.simulation.sensor import typical_noise
 from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, cgats, chart, frame, save, true_place
 from tests.tools.command import repeated, run
-from tools.calibration.files import write_camera
-from tools.calibration.reference import check_order, read_reference
-from tools.commands.calibrate import color_checker_xyz
-from tools.io.colour import xyz_to_lab
-from tools.simulation.sensor import typical_noise
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 

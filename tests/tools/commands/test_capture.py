@@ -15,18 +15,18 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from device.capture import frame_folder
-from device.capture.frames import FrameLayout
-from shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
-from shared.arrays import ByteArray
+from panchroma.device.capture import frame_folder
+from panchroma.device.capture.frames import FrameLayout
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
+from panchroma.shared.arrays import ByteArray
+from panchroma.tools.capture import recorder
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import Outcome, ended, names, shots, spawn, start
 from tests.tools.command import run as command
-from tools.capture import recorder
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive
 
 SIZE, SHOWN = (20, 30), (96, 128)
 LAYOUT = ["--size", "30x20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]

@@ -8,10 +8,10 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared import read_dng
+from panchroma.shared import read_dng
+from panchroma.tools.commands import demo
+from panchroma.tools.evaluation.metrics import quality
 from tests.tools.command import Outcome, names, run
-from tools.commands import demo
-from tools.evaluation.metrics import quality
 
 WIDTH, HEIGHT = 210, 140
 RESULTS = {"shot.dng", "preview.jpg", "render.png", "render.tif", "truth.tif", "overview.png", "comparison.png"}

@@ -10,15 +10,15 @@ from typing import NoReturn
 
 import pytest
 
-from offline import compile_kernel
-from offline.ahead import used_kernels
-from offline.numerics.compile import _folder_of, kernels
+from panchroma.offline import compile_kernel
+from panchroma.offline.ahead import used_kernels
+from panchroma.offline.numerics.compile import _folder_of, kernels
+from panchroma.tools.commands import doctor
+from panchroma.tools.commands.doctor import BAD, GOOD, MISSING, Finding
+from panchroma.tools.io.versions import package_version
 from tests.python import run_python
 from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
-from tools.commands import doctor
-from tools.commands.doctor import BAD, GOOD, MISSING, Finding
-from tools.io.versions import package_version
 
 
 def only(name: str) -> Finding:
@@ -81,10 +81,10 @@ def test_there_is_one_opencv(installed: tuple[str, ...], state: str, words: str,
 
 
 def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("device.Preview.run", failing(RuntimeError("illegal instruction")))
+    monkeypatch.setattr("panchroma.device.Preview.run", failing(RuntimeError("illegal instruction")))
     assert (only("preview").state, only("preview").found) == (BAD, "does not run: illegal instruction")
     (tmp_path / "file").touch()
-    monkeypatch.setattr("offline.kernel_cache", lambda: tmp_path / "file" / "below")
+    monkeypatch.setattr("panchroma.offline.kernel_cache", lambda: tmp_path / "file" / "below")
     assert (only("kernel cache").state, "NUMBA_CACHE_DIR" in only("kernel cache").remedy) == (BAD, True)
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
@@ -106,7 +106,7 @@ def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) ->
         compile_kernel(name)
     line = (
         "import json, os, sys; os.environ['NUMBA_CACHE_DIR'] = sys.argv[1]\n"
-        "from offline.ahead import used_kernels; from offline.numerics.compile import _folder_of, kernels\n"
+        "from panchroma.offline.ahead import used_kernels; from panchroma.offline.numerics.compile import _folder_of, kernels\n"
         "used_kernels(); print(json.dumps({name: str(_folder_of(each._function)) for name, each in kernels.items()}))"
     )
     for name, folder in json.loads(run_python(line, tmp_path)).items():  # each package has a folder of its own
@@ -120,8 +120,8 @@ def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) ->
 
 
 def test_what_cannot_be_compiled_ahead_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("offline.kernels_to_compile", failing(RuntimeError("no locator available")))
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", failing(RuntimeError("no locator available")))
     found = run("doctor", "--compile", "--json", code=1).records[0]
     assert (found["state"], "NUMBA_CACHE_DIR" in found["remedy"]) == (BAD, True)
-    monkeypatch.setattr("offline.kernels_to_compile", lambda: ["mix"])
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda: ["mix"])
     assert run("doctor", "--compile", "--json").records[0]["found"] == "could not keep mix"

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import tifffile
 
-from device.capture.frames import FrameLayout
-from shared import CfaPattern, SensorCalibration
-from shared import write_dng as write_shot
-from shared.arrays import CodeArray
+from panchroma.device.capture.frames import FrameLayout
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared import write_dng as write_shot
+from panchroma.shared.arrays import CodeArray
+from panchroma.tools.capture.identity import identify
+from panchroma.tools.simulation.pattern_text import read_pattern
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
 from tests.device.packer import pack
 from tests.shared.dng.examples import preview
 from tests.tools.capture.test_identity import SCENE, taken, tile_of
 from tests.tools.command import run, spawn
 from tests.tools.io.files import LINEAR_RAW, write_dng
-from tools.capture.identity import identify
-from tools.simulation.pattern_text import read_pattern
-from tools.simulation.sensor import simulate_additive
 
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = ("--size", f"{SONY.shape[1]}x{SONY.shape[0]}")

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
-from shared.arrays import CodeArray
-from shared.dng import read_preview
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
+from panchroma.shared.arrays import CodeArray
+from panchroma.shared.dng import read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
 from tests.tools.io.examples import picture_dng

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CaptureMetadata, read_camera, read_dng
+from panchroma.shared import CaptureMetadata, read_camera, read_dng
+from panchroma.tools.simulation.lens import lens_shading
 from tests.tools.calibration.known_camera import edited, save, stating
 from tests.tools.command import repeated, run
-from tools.simulation.lens import lens_shading
 
 SIZE, SHAPE = "450x300", (300, 450)
 LENS = lens_shading(1.5, 0.1, 4, SHAPE)

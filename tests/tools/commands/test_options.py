@@ -4,8 +4,8 @@ from argparse import ArgumentParser
 
 import pytest
 
-from shared import CfaPattern
-from tools.commands.options import add, camera_of, factor
+from panchroma.shared import CfaPattern
+from panchroma.tools.commands.options import add, camera_of, factor
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 

@@ -8,12 +8,12 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared import CfaPattern, SensorCalibration, read_dng
-from shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, SensorCalibration, read_dng
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from tests.tools.command import assert_refused, run
 from tests.tools.io.files import save
-from tools.io.display import ColourTransform
-from tools.simulation.drawn.builtin import builtin_scene
 
 WIDTH, HEIGHT = 181, 121
 LEAVES = builtin_scene(WIDTH, HEIGHT)

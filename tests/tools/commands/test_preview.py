@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from device import Preview
-from device.preview.graph import build_preview
-from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
-from shared.arrays import ByteArray
+from panchroma.device import Preview
+from panchroma.device.preview.graph import build_preview
+from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared.arrays import ByteArray
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, run
 

@@ -23,7 +23,7 @@ def watch(event, given):
         os._exit(99)
 
 sys.addaudithook(watch)
-from tools.cli import main
+from panchroma.tools.cli import main
 main()
 """
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from shared import Camera, CfaPattern, SensorCalibration
+from panchroma.shared import Camera, CfaPattern, SensorCalibration
 from tests.tools.command import contents, run
 
 FRAMES = "--size 128x96 --pixel-format raw12"

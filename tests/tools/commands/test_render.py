@@ -9,21 +9,21 @@ import tifffile
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from offline import PAPER, PRESETS, render
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
-from shared.arrays import ByteArray, FloatArray
+from panchroma.offline import PAPER, PRESETS, render
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared.arrays import ByteArray, FloatArray
+from panchroma.tools.commands.simulate import noise_of
+from panchroma.tools.evaluation.metrics import psnr
+from panchroma.tools.io.development import Development
+from panchroma.tools.io.formats import FORMATS
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, results, run
 from tests.tools.io.examples import encode_picture
-from tools.commands.simulate import noise_of
-from tools.evaluation.metrics import psnr
-from tools.io.development import Development
-from tools.io.formats import FORMATS
-from tools.io.kind import PictureKind
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive, simulate_sensor
 
 SCENE = (48, 36)
 SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
@@ -163,7 +163,7 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     def fail(*_: object) -> None:
         raise AssertionError("rendered")
 
-    monkeypatch.setattr("offline.measure", fail)
+    monkeypatch.setattr("panchroma.offline.measure", fail)
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     old = save(tmp_path / "old.dng")

@@ -12,13 +12,13 @@ import tifffile
 from PIL import Image
 
 import panchroma
-from shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
+from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
+from panchroma.tools.commands.simulate import noise_of
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor, typical_noise
 from tests.tools.command import assert_refused, names, run
-from tools.commands.simulate import noise_of
-from tools.io.display import ColourTransform
-from tools.simulation.burst import SimulatedBurst, burst_frames
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.sensor import simulate_additive, simulate_sensor, typical_noise
 
 SOURCE = "builtin:24x18"
 SHOT, TRUTH, SHOWN = (f"builtin-24x18.{ending}" for ending in ("dng", "truth.tif", "truth.png"))

@@ -16,7 +16,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from shared import read_dng
+from panchroma.shared import read_dng
 from tests.browser import Browser
 from tests.tools.capture.test_viewfinder import codes, pictures
 from tests.tools.command import ended, start

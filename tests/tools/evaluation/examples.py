@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern
-from shared.arrays import FloatArray
-from tools.batch.console import Console
-from tools.evaluation.figures import Figures
-from tools.evaluation.scene_sets import Reading
-from tools.evaluation.study import Study, collect, missing_cells, work
-from tools.evaluation.team import Team
-from tools.evaluation.tiles import Tile
-from tools.simulation.noise import PaperProtocol
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.batch.console import Console
+from panchroma.tools.evaluation.figures import Figures
+from panchroma.tools.evaluation.scene_sets import Reading
+from panchroma.tools.evaluation.study import Study, collect, missing_cells, work
+from panchroma.tools.evaluation.team import Team
+from panchroma.tools.evaluation.tiles import Tile
+from panchroma.tools.simulation.noise import PaperProtocol
 
 KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
-from tools.evaluation.crops import (
+from panchroma.tools.evaluation.crops import (
     AHEAD,
     BEHIND,
     REASONS,
@@ -19,10 +18,11 @@ from tools.evaluation.crops import (
     render_crops,
     render_exhibit,
 )
-from tools.evaluation.measures import WINDOW, window_origins
-from tools.evaluation.scene_sets import Reading
-from tools.evaluation.study import Study
-from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from panchroma.tools.evaluation.measures import WINDOW, window_origins
+from panchroma.tools.evaluation.scene_sets import Reading
+from panchroma.tools.evaluation.study import Study
+from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 
 INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
 

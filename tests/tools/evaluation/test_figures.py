@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from shared.arrays import FloatArray
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figures, Place
+from panchroma.tools.evaluation.measures import Measures
+from panchroma.tools.evaluation.study import Cell, Study
+from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
+from panchroma.tools.evaluation.tiles import Tile, chosen_tiles
+from panchroma.tools.evaluation.verdict import FEW, judge
+from panchroma.tools.simulation.noise import PaperProtocol
 from tests.tools.evaluation.examples import KODAK, measured, study_of
-from tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figures, Place
-from tools.evaluation.measures import Measures
-from tools.evaluation.study import Cell, Study
-from tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
-from tools.evaluation.tiles import Tile, chosen_tiles
-from tools.evaluation.verdict import FEW, judge
-from tools.simulation.noise import PaperProtocol
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)
@@ -101,7 +101,7 @@ def test_the_verdict_says_what_it_does_not_stand_on(tmp_path: Path, monkeypatch:
     assert "with fewer than 6 even being ahead on all of them may be chance" in third
     assert "no rival denoises" in third
     assert "no rival is learned" in third
-    monkeypatch.setattr("tools.evaluation.method.package_version", lambda name: "1")  # whatever is installed
+    monkeypatch.setattr("panchroma.tools.evaluation.method.package_version", lambda name: "1")  # whatever is installed
     study = study_of(tmp_path, methods=("paper", "bm3d+dlmmse-wb"), count=FEW)
     assert judge(figures_with(study), SET).sentences[2] == "Mind: no rival is learned."
     quiet = study_of(tmp_path, methods=("paper", "bilinear"), levels=(CLEAN.level,))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from shared.arrays import FloatArray
-from shared.colorimetry import SRGB_TO_XYZ
-from shared.white_balance import shades_of_grey
-from tools.evaluation.hue import PLACES, colour_kept, wrong_hue
-from tools.io.colour import xyz_to_lab
-from tools.io.colour_difference import delta_e_2000
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.shared.white_balance import shades_of_grey
+from panchroma.tools.evaluation.hue import PLACES, colour_kept, wrong_hue
+from panchroma.tools.io.colour import xyz_to_lab
+from panchroma.tools.io.colour_difference import delta_e_2000
 
 RNG = np.random.default_rng(3)
 

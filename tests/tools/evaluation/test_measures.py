@@ -3,11 +3,11 @@ import io
 import numpy as np
 import pytest
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
+from panchroma.tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality
 from tests.tools.evaluation.examples import pair
-from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
-from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality
 
 BIN = 0.0021  # dB: a bin, and rounding
 

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from tools.evaluation import method as module
-from tools.evaluation.cameras import CameraPair, with_balance
-from tools.evaluation.methods import choose, default_names, methods
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.io.versions import package_version
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.noise import PaperProtocol
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation import method as module
+from panchroma.tools.evaluation.cameras import CameraPair, with_balance
+from panchroma.tools.evaluation.methods import choose, default_names, methods
+from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
+from panchroma.tools.io.versions import package_version
+from panchroma.tools.simulation.bayer import sample_bayer
+from panchroma.tools.simulation.noise import PaperProtocol
 
 NAMES = "paper best unlearned preview bilinear dlmmse dlmmse-wb dcb bm3d+dlmmse-wb"
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from panchroma.tools.evaluation.crops import AHEAD, BEHIND, render_crops
+from panchroma.tools.evaluation.page import build_page
+from panchroma.tools.evaluation.tiles import chosen_tiles
+from panchroma.tools.evaluation.verdict import judge
 from tests.browser import Browser
 from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
-from tools.evaluation.crops import AHEAD, BEHIND, render_crops
-from tools.evaluation.page import build_page
-from tools.evaluation.tiles import chosen_tiles
-from tools.evaluation.verdict import judge
 
 
 @pytest.fixture(scope="module")

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from device import Preview
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import FloatArray
+from panchroma.device import Preview
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.batch.previews import linear_preview
+from panchroma.tools.evaluation.metrics import quality
+from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.data import photograph
 from tests.strokes import WHITE, WIDTHS, drawing, kept
-from tools.batch.previews import linear_preview
-from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.simulation.load import load_scene
-from tools.simulation.sensor import simulate_additive
 
 BELOW_PAPER = 2.0
 """dB of median RGB PSNR that a preview may lie below the `paper` preset, noise-free."""

@@ -6,9 +6,9 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared.errors import InputError
-from tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct
-from tools.simulation.load import load_scene
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct
+from panchroma.tools.simulation.load import load_scene
 
 RNG = np.random.default_rng(0)
 

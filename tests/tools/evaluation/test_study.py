@@ -4,27 +4,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline import PAPER, render
-from offline.version import ALGORITHM
-from shared import SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import ConvergenceError, InputError
-from shared.pattern import CfaPattern
+from panchroma.offline import PAPER, render
+from panchroma.offline.version import ALGORITHM
+from panchroma.shared import SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import ConvergenceError, InputError
+from panchroma.shared.pattern import CfaPattern
+from panchroma.tools.batch.console import Console
+from panchroma.tools.evaluation import methods as registry
+from panchroma.tools.evaluation import study as module
+from panchroma.tools.evaluation.crops import WORST, Crop, render_exhibit
+from panchroma.tools.evaluation.figures import Place
+from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
+from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
+from panchroma.tools.evaluation.study import FOLDER, Cell, Study, collect, missing_cells, name_cell, work
+from panchroma.tools.evaluation.team import Team, needed_memory
+from panchroma.tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 from tests.walking import CHANGED, one_field_changed
-from tools.batch.console import Console
-from tools.evaluation import methods as registry
-from tools.evaluation import study as module
-from tools.evaluation.crops import WORST, Crop, render_exhibit
-from tools.evaluation.figures import Place
-from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.evaluation.study import FOLDER, Cell, Study, collect, missing_cells, name_cell, work
-from tools.evaluation.team import Team, needed_memory
-from tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
-from tools.simulation.sensor import simulate_additive
 
 NOISY = PaperProtocol(0.03)
 
@@ -161,7 +161,7 @@ def test_results_of_another_version_are_not_kept(tmp_path: Path, monkeypatch: py
     """A worker on another machine, or a package that was installed meanwhile."""
     study = study_of(tmp_path, methods=("dcb", "bilinear"))
     todo = missing_cells(study, tmp_path)[0]
-    monkeypatch.setattr("tools.evaluation.method.package_version", lambda name: "another")
+    monkeypatch.setattr("panchroma.tools.evaluation.method.package_version", lambda name: "another")
     (line,) = alone().measure(study, tmp_path, todo)
     assert line.startswith("dcb: the process that measures has other versions of Panchroma, rawpy")
 

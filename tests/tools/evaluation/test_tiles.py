@@ -3,13 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from shared.errors import InputError
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.methods import methods
-from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
-from tools.simulation.noise import PaperProtocol, SensorProtocol
-from tools.simulation.pattern_text import read_pattern
+from panchroma.shared import CfaPattern
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.methods import methods
+from panchroma.tools.evaluation.tiles import Tile, chosen_tiles, filters_of
+from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.pattern_text import read_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 BROADBAND = CfaPattern.with_block(("CM", "YC"), period=4)

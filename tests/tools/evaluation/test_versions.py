@@ -2,13 +2,13 @@
 
 import pytest
 
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.measures import Measures
+from panchroma.tools.evaluation.methods import methods
+from panchroma.tools.evaluation.study import MEASURING
+from panchroma.tools.evaluation.tiles import Tile
+from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import small_scene
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.measures import Measures
-from tools.evaluation.methods import methods
-from tools.evaluation.study import MEASURING
-from tools.evaluation.tiles import Tile
-from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 
 NOISY, DARK = PaperProtocol(0.02), SensorProtocol(0.25)
 # By the versions of the measurement, the protocol and the method.

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import FloatArray
-from shared.tiff import encode_tiff
+from panchroma.shared import CaptureMetadata, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.tiff import encode_tiff
+from panchroma.tools.io.development import Development, write_picture
+from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.io.formats import FORMATS
+from panchroma.tools.io.formats.dng import PART, encode_part, linear_dng
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.io.samples import upright
 from tests.shared.dng import examples
-from tools.io.development import Development, write_picture
-from tools.io.display import ColourTransform
-from tools.io.formats import FORMATS
-from tools.io.formats.dng import PART, encode_part, linear_dng
-from tools.io.kind import PictureKind
-from tools.io.samples import upright
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
 METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from shared.writing import write_durably
-from tools.io.backup import keep_old
+from panchroma.shared.writing import write_durably
+from panchroma.tools.io.backup import keep_old
 
 
 @pytest.mark.usefixtures("links")

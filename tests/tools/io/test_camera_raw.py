@@ -11,15 +11,15 @@ import pytest
 import rawpy
 import tifffile
 
-from shared.arrays import CodeArray, DoubleArray
-from shared.colorimetry import D50, D65_XY, xyz
-from shared.errors import InputError
-from shared.lights import ILLUMINANTS
-from shared.pattern import BAYER_ORDERS
+from panchroma.shared.arrays import CodeArray, DoubleArray
+from panchroma.shared.colorimetry import D50, D65_XY, xyz
+from panchroma.shared.errors import InputError
+from panchroma.shared.lights import ILLUMINANTS
+from panchroma.shared.pattern import BAYER_ORDERS
+from panchroma.tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import ASCII, LINEAR_RAW, LONG, RATIONAL, SHORT, SRATIONAL, Fields, rationals, write_dng
-from tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
-from tools.io.scene import Scene
-from tools.simulation.load import load_scene
 
 # XYZ -> camera for D65, as a real camera's: Nikon D50 in the tables of dcraw.
 MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]) / 10000

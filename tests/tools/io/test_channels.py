@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import tifffile
 
-from shared.errors import InputError
+from panchroma.shared.errors import InputError
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import save
-from tools.io.scene import Scene
-from tools.simulation.load import load_scene
 
 BANDS = "VRNGU"
 LIGHT = np.random.default_rng(3).random((21, 34, 5), np.float32)

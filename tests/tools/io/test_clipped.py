@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared.arrays import CodeArray, FloatArray
+from panchroma.shared.arrays import CodeArray, FloatArray
+from panchroma.tools.io.clipped import saturation, with_white_highlights
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import RATIONAL, SHORT, rationals, write_dng
-from tools.io.clipped import saturation, with_white_highlights
-from tools.io.scene import Scene
-from tools.simulation.load import load_scene
 
 NEUTRAL = (0.5, 1.0, 0.625)
 TOP = 4000

@@ -12,12 +12,12 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
+from panchroma.shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
+from panchroma.tools.io.colour import P3_PRIMARIES, encode_srgb
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import LINEAR_RAW, write_dng
 from tests.tools.io.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
-from tools.io.colour import P3_PRIMARIES, encode_srgb
-from tools.io.scene import Scene
-from tools.simulation.load import load_scene
 
 D65 = (0.3127, 0.3290)
 BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))

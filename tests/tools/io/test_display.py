@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shared.arrays import FloatArray
-from shared.calibration import SensorCalibration
-from shared.errors import InputError
-from tools.io.colour import decode_srgb, encode_srgb
-from tools.io.display import MAX_EXPOSURE, SPACES, ColourTransform
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.calibration import SensorCalibration
+from panchroma.shared.errors import InputError
+from panchroma.tools.io.colour import decode_srgb, encode_srgb
+from panchroma.tools.io.display import MAX_EXPOSURE, SPACES, ColourTransform
 
 ROUNDING = 1e-6
 """Of a float32 in 0..1 through a 3 x 3 matrix and the curve."""

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from tools.io.colour import decode_srgb, encode_srgb
-from tools.io.display import SPACES
-from tools.io.icc import icc_profile
-from tools.io.samples import quantise
+from panchroma.tools.io.colour import decode_srgb, encode_srgb
+from panchroma.tools.io.display import SPACES
+from panchroma.tools.io.icc import icc_profile
+from panchroma.tools.io.samples import quantise
 
 
 @pytest.mark.parametrize("name", SPACES)

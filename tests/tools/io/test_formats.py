@@ -15,16 +15,16 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
-from shared import CaptureMetadata, SensorCalibration
-from shared.errors import InputError, OutputError
+from panchroma.shared import CaptureMetadata, SensorCalibration
+from panchroma.shared.errors import InputError, OutputError
+from panchroma.tools.io.development import CAMERA, write_picture
+from panchroma.tools.io.display import SPACES
+from panchroma.tools.io.formats import FORMATS
+from panchroma.tools.io.icc import icc_profile
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.io.samples import quantise
 from tests.exiftool import exiftool
 from tests.tools.io.examples import CALIBRATION, KINDS, METADATA, SIZES, development, encoded, scene, shown
-from tools.io.development import CAMERA, write_picture
-from tools.io.display import SPACES
-from tools.io.formats import FORMATS
-from tools.io.icc import icc_profile
-from tools.io.kind import PictureKind
-from tools.io.samples import quantise
 
 FOUR = SensorCalibration(
     channels="RGBE",

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from tools.io import illustrations
-from tools.io.illustrations import comparison, overview
-from tools.simulation.sensor import simulate_additive
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import ByteArray, FloatArray
+from panchroma.tools.io import illustrations
+from panchroma.tools.io.illustrations import comparison, overview
+from panchroma.tools.simulation.sensor import simulate_additive
 
 PANEL, GAP, CAPTION = illustrations._PANEL, illustrations._GAP, illustrations._CAPTION
 FILTERS = illustrations._FILTERS

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import rawpy
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import SRGB_TO_XYZ
-from shared.dng import codec
-from shared.dng.tags import TAG
-from shared.errors import InputError
-from shared.tiff import FieldType
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.shared.dng import codec
+from panchroma.shared.dng.tags import TAG
+from panchroma.shared.errors import InputError
+from panchroma.shared.tiff import FieldType
 from tests.exiftool import exiftool
 from tests.tools.io.examples import picture_dng
 

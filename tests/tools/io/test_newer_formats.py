@@ -11,16 +11,16 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from shared import SensorCalibration
-from shared.arrays import FloatArray
-from shared.errors import InputError
+from panchroma.shared import SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.io.display import SPACES, ColourTransform
+from panchroma.tools.io.formats.uhdr import GainMap
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.io.samples import quantise, upright
 from tests.exiftool import exiftool
 from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.io.examples import KINDS as ALL_KINDS
-from tools.io.display import SPACES, ColourTransform
-from tools.io.formats.uhdr import GainMap
-from tools.io.kind import PictureKind
-from tools.io.samples import quantise, upright
 
 # --- Ultra HDR -------------------------------------------------------------------------------------------------------------------
 

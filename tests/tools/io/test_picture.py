@@ -11,12 +11,12 @@ import pytest
 import tifffile
 from PIL import Image, ImageCms
 
-from shared.colorimetry import SRGB_TO_XYZ
-from shared.errors import InputError
+from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.shared.errors import InputError
+from panchroma.tools.io import decoders
+from panchroma.tools.io.icc import read_profile
+from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import save
-from tools.io import decoders
-from tools.io.icc import read_profile
-from tools.simulation.load import load_scene
 
 SRGB_PROFILE: bytes = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from shared import read_dng
-from shared.arrays import FloatArray
+from panchroma.shared import read_dng
+from panchroma.shared.arrays import FloatArray
 from tests.data import photograph
 from tests.tools.command import run
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
-from shared.arrays import FloatArray
-from shared.errors import ConvergenceError, OutputError
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import ConvergenceError, OutputError
+from panchroma.tools.io.development import CAMERA, write_picture
+from panchroma.tools.io.formats import FORMATS
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.io.samples import quantise, upright
 from tests.tools.io.examples import KINDS, development, encode_picture, scene
-from tools.io.development import CAMERA, write_picture
-from tools.io.formats import FORMATS
-from tools.io.kind import PictureKind
-from tools.io.samples import quantise, upright
 
 
 def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:

@@ -11,13 +11,13 @@ import imagecodecs
 import numpy as np
 import pytest
 
-import offline
 import panchroma
-from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
+from panchroma import offline
+from panchroma.shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
+from panchroma.tools.io.colour import decode_srgb
+from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.simulation.lens import lens_shading
 from tests.tools.command import run
-from tools.io.colour import decode_srgb
-from tools.io.kind import PictureKind
-from tools.simulation.lens import lens_shading
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -166,7 +166,7 @@ def test_what_is_lost_has_the_shape_of_its_picture() -> None:
 
 
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
+    monkeypatch.setattr("panchroma.tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
         panchroma.render(shot)
 

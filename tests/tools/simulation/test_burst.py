@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from offline import burst as merged
-from shared import CaptureMetadata
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
-from tools.simulation.burst import SimulatedBurst, burst_frames, reduced, tremor
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.motion import Motion, displaced, reach
+from panchroma.offline import burst as merged
+from panchroma.shared import CaptureMetadata
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames, reduced, tremor
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.motion import Motion, displaced, reach
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
 

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared.colorimetry import D50
-from shared.errors import InputError
-from tools.io.scene import Scene
-from tools.simulation.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT, builtin_scene
-from tools.simulation.drawn.charts import COLOR_CHECKER_LAB
-from tools.simulation.load import load_scene
+from panchroma.shared.colorimetry import D50
+from panchroma.shared.errors import InputError
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT, builtin_scene
+from panchroma.tools.simulation.drawn.charts import COLOR_CHECKER_LAB
+from panchroma.tools.simulation.load import load_scene
 
 BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
 

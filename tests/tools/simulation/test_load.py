@@ -19,14 +19,14 @@ import pytest
 import tifffile
 from PIL import Image
 
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
+from panchroma.shared.errors import InputError
+from panchroma.shared.reading import MAX_PIXELS
+from panchroma.tools.io.limited import Facts, _received, run_limited
+from panchroma.tools.io.scene import Scene, check_size
+from panchroma.tools.simulation.load import load_scene, set_aside
 from tests.data import DATA
 from tests.python import run_python
 from tests.tools.io.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
-from tools.io.limited import Facts, _received, run_limited
-from tools.io.scene import Scene, check_size
-from tools.simulation.load import load_scene, set_aside
 
 PHOTOGRAPHS = sorted(path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*"))
 

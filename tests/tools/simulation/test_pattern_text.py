@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from shared import CfaPattern
-from shared.errors import InputError
-from tools.simulation.pattern_text import read_pattern
+from panchroma.shared import CfaPattern
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.pattern_text import read_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 

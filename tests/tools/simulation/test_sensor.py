@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import CfaPattern, NoiseModel, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
+from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
 from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference import geometry
 from tests.reference.sensor import observe
-from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
 
 ERRORS = 5  # standard errors
 SHAPE = (240, 246)

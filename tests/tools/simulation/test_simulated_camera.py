@@ -5,16 +5,16 @@ import re
 import numpy as np
 import pytest
 
-from shared import CfaPattern, SensorCalibration
-from shared.arrays import FloatArray
-from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
-from shared.errors import InputError
-from tools.evaluation.cameras import CameraPair
-from tools.io.scene import Scene, scene_channels
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.filters import filters_for
-from tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol, chosen_protocol
-from tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
+from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.io.scene import Scene, scene_channels
+from panchroma.tools.simulation.bayer import sample_bayer
+from panchroma.tools.simulation.filters import filters_for
+from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol, chosen_protocol
+from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, typical_noise
 
 RNG = np.random.default_rng(5)
 

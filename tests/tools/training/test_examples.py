@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import CfaPattern
-from tools.training.drawings import SIZE, drawing
-from tools.training.examples import DRAWN, load_example, make_example, save_example
+from panchroma.shared import CfaPattern
+from panchroma.tools.training.drawings import SIZE, drawing
+from panchroma.tools.training.examples import DRAWN, load_example, make_example, save_example
 
 SMALL = "builtin:200x150"
 PAPER = CfaPattern.bayer(6)

@@ -10,26 +10,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline.frame import Sites
-from offline.stages.colour_network import BASIS, Cells, Contrast
-from offline.stages.luminance_network import SIDE
-from shared import CfaPattern
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from shared.networks import Block, load_network, network_for
-from shared.progress import SILENT
-from shared.runtime import session
+from panchroma.offline.frame import Sites
+from panchroma.offline.stages.colour_network import BASIS, Cells, Contrast
+from panchroma.offline.stages.luminance_network import SIDE
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.shared.networks import Block, load_network, network_for
+from panchroma.shared.progress import SILENT
+from panchroma.shared.runtime import session
+from panchroma.tools.io.samples import quantise
+from panchroma.tools.simulation.load import load_scene
 from tests.data import ROOT
-from tools.io.samples import quantise
-from tools.simulation.load import load_scene
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'panchroma[training]'")
 
-from tools.training import run  # noqa: E402
-from tools.training.examples import DRAWN  # noqa: E402
-from tools.training.graph import load_weights, save_graph  # noqa: E402
-from tools.training.luminance import examples, learn, save  # noqa: E402
-from tools.training.network import Network, cells_of, features, units  # noqa: E402
+from panchroma.tools.training import run  # noqa: E402
+from panchroma.tools.training.examples import DRAWN  # noqa: E402
+from panchroma.tools.training.graph import load_weights, save_graph  # noqa: E402
+from panchroma.tools.training.luminance import examples, learn, save  # noqa: E402
+from panchroma.tools.training.network import Network, cells_of, features, units  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -226,7 +226,7 @@ def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...]
         (["--pattern", "RGGB"], "pattern: the tile has no panchromatic pixel (W)"),
     ):
         refused = subprocess.run(
-            [sys.executable, "-m", "tools.training", str(tmp_path), "-o", str(tmp_path / "out"), *options],
+            [sys.executable, "-m", "panchroma.tools.training", str(tmp_path), "-o", str(tmp_path / "out"), *options],
             cwd=ROOT, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert refused.returncode == 2

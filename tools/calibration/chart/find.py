@@ -8,12 +8,11 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
-from shared import Mosaic
-from shared.arrays import ByteArray, DoubleArray, FloatArray
-from shared.colorimetry import Matrix, as_rows
-from shared.errors import InputError
-from tools.simulation.perspective import apply_homography, homography, rectangle
-
+from ....shared import Mosaic
+from ....shared.arrays import ByteArray, DoubleArray, FloatArray
+from ....shared.colorimetry import Matrix, as_rows
+from ....shared.errors import InputError
+from ...simulation.perspective import apply_homography, homography, rectangle
 from ..colour_matrix import fit_colour, grey_row_fault
 from .picture import linear_picture, shown_picture
 from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch

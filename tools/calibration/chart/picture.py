@@ -3,9 +3,8 @@
 import numpy as np
 from scipy.ndimage import convolve, map_coordinates
 
-from shared import Mosaic
-from shared.arrays import ByteArray, FloatArray
-
+from ....shared import Mosaic
+from ....shared.arrays import ByteArray, FloatArray
 from ..samples import levels_of
 from .place import INNER, PATCH, ChartPlace
 

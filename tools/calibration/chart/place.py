@@ -5,11 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import Matrix
-from shared.errors import InputError
-from tools.simulation.perspective import apply_homography, homography, rectangle
-
+from ....shared.arrays import DoubleArray
+from ....shared.colorimetry import Matrix
+from ....shared.errors import InputError
+from ...simulation.perspective import apply_homography, homography, rectangle
 from ..samples import Pixels
 
 COLUMNS, ROWS = 6, 4

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ, as_rows
-from shared.lights import CalibratedLight
-from tools.io.colour_difference import delta_e_2000
-
+from ....shared.arrays import DoubleArray
+from ....shared.colorimetry import SRGB_TO_XYZ, as_rows
+from ....shared.lights import CalibratedLight
+from ...io.colour_difference import delta_e_2000
 from ..colour_matrix import UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change, white_balanced
 from ..gamma import reconciled
 from ..measure import Measurements, ShotMeasurement

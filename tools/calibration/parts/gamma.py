@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shared.arrays import DoubleArray
-from shared.errors import InputError
-
+from ....shared.arrays import DoubleArray
+from ....shared.errors import InputError
 from ..chart.place import PATCHES
 from ..colour_matrix import GREYS
 from ..gamma import GammaFit, check_determined

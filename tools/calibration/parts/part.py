@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from shared.arrays import DoubleArray
+from ....shared.arrays import DoubleArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
-from tools.simulation.bayer import channel_map
-from tools.simulation.noise import BayerShot
-
+from ....shared.arrays import FloatArray
+from ...simulation.bayer import channel_map
+from ...simulation.noise import BayerShot
 from ..method import Method
 
 # At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or four.

@@ -7,9 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from tools.simulation.noise import BayerShot
-
+from ....shared.arrays import DoubleArray, FloatArray
+from ...simulation.noise import BayerShot
 from ..cameras import with_balance
 from ..method import Method
 from .dlmmse import demosaic_dlmmse

@@ -7,10 +7,9 @@ it. Each is denoised, the two are averaged by their expected errors, and red and
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from tools.simulation.bayer import channel_map
-from tools.simulation.noise import BayerShot
-
+from ....shared.arrays import DoubleArray, FloatArray
+from ...simulation.bayer import channel_map
+from ...simulation.noise import BayerShot
 from ..cameras import with_balance
 from ..method import Method
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import FloatArray
-from shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
-from shared.tiff import FieldType
-from tools.simulation.bayer import ORDER
-from tools.simulation.noise import BayerShot
-
+from ....shared.arrays import FloatArray
+from ....shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
+from ....shared.tiff import FieldType
+from ...simulation.bayer import ORDER
+from ...simulation.noise import BayerShot
 from ..cameras import with_balance
 from ..method import Method
 

@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
-from shared.errors import InputError
-from shared.reading import read_text, read_whole
-from tools.simulation.bayer import channel_map
-from tools.simulation.noise import BayerShot
-
+from ....shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
+from ....shared.errors import InputError
+from ....shared.reading import read_text, read_whole
+from ...simulation.bayer import channel_map
+from ...simulation.noise import BayerShot
 from ..method import Method
 
 _ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}
@@ -185,7 +184,7 @@ def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
 @cache
 def _session(path: str, content: str) -> Any:
     """A session of the network, if its files are still those that `_content` digested."""
-    from shared.runtime import session
+    from ....shared.runtime import session
 
     found = session(Path(path))
     if _content(path) != content:

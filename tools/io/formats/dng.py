@@ -11,16 +11,23 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shared.arrays import ByteArray, FloatArray
-from shared.dng.colour_tags import colour_fields
-from shared.dng.container import DIGEST_TILE, check_sides, joined_digest, main_directory, picture_fields, picture_id, tile_digests
-from shared.dng.lossless_jpeg import encode_lossless
-from shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
-from shared.errors import InputError
-from shared.metadata import CaptureMetadata
-from shared.tiff import Directory, FieldType, write_tiff
-from tools.io.ahead import WAITING, ahead
-
+from ....shared.arrays import ByteArray, FloatArray
+from ....shared.dng.colour_tags import colour_fields
+from ....shared.dng.container import (
+    DIGEST_TILE,
+    check_sides,
+    joined_digest,
+    main_directory,
+    picture_fields,
+    picture_id,
+    tile_digests,
+)
+from ....shared.dng.lossless_jpeg import encode_lossless
+from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
+from ....shared.errors import InputError
+from ....shared.metadata import CaptureMetadata
+from ....shared.tiff import Directory, FieldType, write_tiff
+from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
 from ..display import checked_picture
 from ..samples import display_codes, joined, regrouped

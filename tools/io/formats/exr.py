@@ -8,11 +8,10 @@ from typing import Any, BinaryIO, ClassVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared import CaptureMetadata
-from shared.arrays import FloatArray
-from shared.colorimetry import D65_XY
-from shared.errors import OutputError
-
+from ....shared import CaptureMetadata
+from ....shared.arrays import FloatArray
+from ....shared.colorimetry import D65_XY
+from ....shared.errors import OutputError
 from ..development import CAMERA, Development
 from ..display import SPACES
 from ..embedded import software

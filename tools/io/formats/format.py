@@ -9,10 +9,9 @@ from typing import Any, BinaryIO, ClassVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from tools.io.ahead import ahead
-
+from ....shared.arrays import FloatArray
+from ....shared.errors import InputError
+from ..ahead import ahead
 from ..development import CAMERA, Development
 from ..display import checked_picture
 from ..samples import display_codes, joined, turned, upright

@@ -8,11 +8,10 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import CaptureMetadata
-from shared.dng.tags import LONGEST_SIDE
-from shared.errors import InputError
-from shared.tiff import encode_tiff
-
+from ....shared import CaptureMetadata
+from ....shared.dng.tags import LONGEST_SIDE
+from ....shared.errors import InputError
+from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..embedded import jpeg_directory
 from ..samples import joined

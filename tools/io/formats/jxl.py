@@ -8,8 +8,7 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.tiff import encode_tiff
-
+from ....shared.tiff import encode_tiff
 from ..development import Development
 from .format import Format
 

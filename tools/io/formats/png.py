@@ -9,8 +9,7 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.tiff import encode_tiff
-
+from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..display import SPACES
 from ..icc import icc_profile

@@ -12,11 +12,10 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.dng.container import picture_fields
-from shared.dng.tags import TAG, Compression
-from shared.tiff import Fields, FieldType, write_tiff
-from tools.io.ahead import ahead
-
+from ....shared.dng.container import picture_fields
+from ....shared.dng.tags import TAG, Compression
+from ....shared.tiff import Fields, FieldType, write_tiff
+from ..ahead import ahead
 from ..development import CAMERA, Development
 from ..samples import regrouped
 from .format import Format

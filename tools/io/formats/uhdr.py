@@ -22,9 +22,8 @@ from typing import Any, BinaryIO, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import ByteArray, FloatArray, strips
-from shared.dng.tags import LONGEST_SIDE
-
+from ....shared.arrays import ByteArray, FloatArray, strips
+from ....shared.dng.tags import LONGEST_SIDE
 from ..development import Development
 from ..display import ColourTransform
 from ..samples import joined

@@ -35,18 +35,36 @@ it is told to (overwrite=True). The command `panchroma` does more: thousands of 
 cameras; `panchroma --help` lists it. `shared` and `offline` are the libraries underneath.
 """
 
-from shared.errors import PanchromaError as PanchromaError
-from tools.io.versions import program_version
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from .pictures import Image, Picture, to_srgb
-from .quality import Evaluation, evaluate
-from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
-from .simulation import simulate
+if TYPE_CHECKING:
+    from .pictures import Image, Picture, to_srgb
+    from .quality import Evaluation, evaluate
+    from .shared.errors import PanchromaError
+    from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
+    from .simulation import simulate
 
-__version__ = program_version()
+    __version__: str
+
+# A camera imports panchroma.shared and panchroma.device: names load when they are first used, with what they need.
+_MODULES = {
+    "Evaluation": "quality",
+    "Image": "pictures",
+    "PanchromaError": "shared.errors",
+    "Picture": "pictures",
+    "Shot": "shots",
+    "evaluate": "quality",
+    "open": "shots",
+    "preview": "shots",
+    "render": "shots",
+    "simulate": "simulation",
+    "to_srgb": "pictures",
+}
 __all__ = [
     "Evaluation",
     "Image",
+    "PanchromaError",
     "Picture",
     "Shot",
     "evaluate",
@@ -56,3 +74,15 @@ __all__ = [
     "simulate",
     "to_srgb",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module(".tools.io.versions", __name__).program_version()
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_MODULES[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES, "__version__"})

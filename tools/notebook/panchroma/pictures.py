@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import ByteArray, FloatArray
-from shared.errors import InputError
-from shared.tiff import encode_tiff
-from shared.writing import write_durably
-from tools.io.colour import encode_srgb
-from tools.io.display import ColourTransform, checked_picture
+from .shared import CaptureMetadata, SensorCalibration
+from .shared.arrays import ByteArray, FloatArray
+from .shared.errors import InputError
+from .shared.tiff import encode_tiff
+from .shared.writing import write_durably
+from .tools.io.colour import encode_srgb
+from .tools.io.display import ColourTransform, checked_picture
 
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
@@ -57,10 +57,10 @@ class Image:
         quality: of a JPEG, 1 to 100; 95 by default.
         overwrite: replace an existing file.
         """
-        from tools.io.embedded import picture_directory
-        from tools.io.formats.jpg import encode_jpeg
-        from tools.io.formats.png import encode_png
-        from tools.io.icc import icc_profile
+        from .tools.io.embedded import picture_directory
+        from .tools.io.formats.jpg import encode_jpeg
+        from .tools.io.formats.png import encode_png
+        from .tools.io.icc import icc_profile
 
         match Path(path).suffix.lower():
             case ".png" if quality is None:
@@ -160,9 +160,9 @@ class Picture:
         quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
         overwrite: replace an existing file. The file is whole or absent at any moment.
         """
-        from tools.io.development import Development, write_picture
-        from tools.io.formats import OTHER_NAMES
-        from tools.io.kind import PictureKind
+        from .tools.io.development import Development, write_picture
+        from .tools.io.formats import OTHER_NAMES
+        from .tools.io.kind import PictureKind
 
         ending = Path(path).suffix.lower().removeprefix(".")
         if not ending:
@@ -209,7 +209,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     >>> np.asarray(panchroma.to_srgb(ramp))[0, :, 0].tolist()
     [0, 137, 188, 225, 255]
     """
-    from tools.io.samples import display_codes, upright
+    from .tools.io.samples import display_codes, upright
 
     shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.errors import InputError
-from tools.evaluation.measures import PLANES, Measures
-from tools.io.display import checked_picture
-
 from .pictures import Picture, light_of
+from .shared.errors import InputError
 from .shots import Shot
+from .tools.evaluation.measures import PLANES, Measures
+from .tools.io.display import checked_picture
 
 
 @dataclass(frozen=True, repr=False, match_args=False)

@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from tools.batch.console import fault
-from tools.batch.in_memory import note_once, render_array, settings_named
-from tools.batch.previews import Previews
-from tools.batch.white_balance import WhiteBalance
-from tools.io.samples import upright
-
 from .pictures import Image, Picture
+from .shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from .shared.errors import InputError
+from .shared.reading import MAX_PIXELS
+from .tools.batch.console import fault
+from .tools.batch.in_memory import note_once, render_array, settings_named
+from .tools.batch.previews import Previews
+from .tools.batch.white_balance import WhiteBalance
+from .tools.io.samples import upright
 
 if TYPE_CHECKING:
-    from offline import RenderSettings, Stages
+    from .offline import RenderSettings, Stages
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shared import CfaPattern, read_camera
-from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from shared.tiles import EXPECTED
-from tools.simulation.lens import Lens
-from tools.simulation.noise import chosen_protocol
-from tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
-
 from .pictures import Picture
+from .shared import CfaPattern, read_camera
+from .shared.errors import InputError
+from .shared.reading import MAX_PIXELS
+from .shared.tiles import EXPECTED
 from .shots import Shot, with_notes_shown
+from .tools.simulation.lens import Lens
+from .tools.simulation.noise import chosen_protocol
+from .tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
 
 _PERIOD = 6
 

@@ -4,10 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import SRGB_TO_XYZ
-from tools.io.scene import Scene
-
+from ....shared.arrays import DoubleArray, FloatArray
+from ....shared.colorimetry import SRGB_TO_XYZ
+from ...io.scene import Scene
 from .charts import BRIGHTEST, CARD, DARKEST, Paints, colour_star, detail_chart, grey_star, patches_chart, rgb_paints
 from .dead_leaves import STRIP, Materials, dead_leaves, rgb_materials
 

@@ -12,11 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ
-from tools.io.colour import lab_to_xyz
-from tools.io.scene import Scene
-
+from ....shared.arrays import BoolArray, DoubleArray
+from ....shared.colorimetry import SRGB_TO_XYZ
+from ...io.colour import lab_to_xyz
+from ...io.scene import Scene
 from ..perspective import apply_homography, homography, rectangle
 
 CARD, PAPER, INK = 0.035, 0.80, 0.03  # reflectances; CARD is what is around patches

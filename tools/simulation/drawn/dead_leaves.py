@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
-from tools.io.colour import decode_srgb
+from ....shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from ...io.colour import decode_srgb
 
 LeafArray = NDArray[np.int32]  # indices of leaves
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shared.arrays import DoubleArray, FloatArray
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
-from tools.simulation.bayer import ORDER, sample_bayer
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
+from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from panchroma.tools.simulation.bayer import ORDER, sample_bayer
 
 
 def bilinear(mosaic: FloatArray) -> DoubleArray:

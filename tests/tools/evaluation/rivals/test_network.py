@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper, load, numpy_helper, save
 
-from shared.errors import InputError
-from tools.evaluation.methods import choose
-from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.simulation.bayer import sample_bayer
-from tools.simulation.drawn.builtin import builtin_scene
-from tools.simulation.noise import BayerShot
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.methods import choose
+from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
+from panchroma.tools.simulation.bayer import sample_bayer
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.noise import BayerShot
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green

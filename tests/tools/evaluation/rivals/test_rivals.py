@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import rawpy
 
-from shared import CfaPattern
-from shared.arrays import FloatArray
-from shared.errors import InputError
-from tools.evaluation.cameras import CameraPair
-from tools.evaluation.methods import methods
-from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
-from tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
-from tools.simulation.bayer import ORDER, sample_bayer
-from tools.simulation.noise import BayerShot, PaperProtocol
+from panchroma.shared import CfaPattern
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.errors import InputError
+from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.methods import methods
+from panchroma.tools.evaluation.metrics import psnr
+from panchroma.tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
+from panchroma.tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
+from panchroma.tools.simulation.bayer import ORDER, sample_bayer
+from panchroma.tools.simulation.noise import BayerShot, PaperProtocol
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
 WHITE = np.ones(3, np.float32)
