@@ -337,7 +337,9 @@ def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings, p
     for stage in made:
         look = getattr(stage, "look", None)
         if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
-            raise InputError(f"stages made a list with {stage!r}, expected objects of classes derived from offline.RowStage")
+            raise InputError(
+                f"stages made a list with {stage!r}, expected objects of classes derived from panchroma.offline.RowStage"
+            )
         if not (look.reach >= 0 and look.step >= 1):
             raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
     return list(made)

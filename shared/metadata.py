@@ -29,7 +29,7 @@ class CaptureMetadata:
     (1, '')
     >>> CaptureMetadata(orientation=9)
     Traceback (most recent call last):
-    shared.errors.InputError: metadata: orientation is 9, expected 1 to 8
+    panchroma.shared.errors.InputError: metadata: orientation is 9, expected 1 to 8
     """
 
     make: str = ""

@@ -50,7 +50,7 @@ def said(when):
     before = state()
 
 before = state()
-import device, offline, shared
+from panchroma import device, offline, shared
 said("import")
 """
 WORK = """

@@ -132,9 +132,9 @@ class NoStage:
     [
         ([], "stages is list, expected a function"),
         (lambda *_: None, "stages made NoneType, expected a list"),
-        (lambda *_: [Own], "expected objects of classes derived from offline.RowStage"),
-        (lambda *_: [NoStage()], "expected objects of classes derived from offline.RowStage"),
-        (lambda *_: [None], "expected objects of classes derived from offline.RowStage"),
+        (lambda *_: [Own], "expected objects of classes derived from panchroma.offline.RowStage"),
+        (lambda *_: [NoStage()], "expected objects of classes derived from panchroma.offline.RowStage"),
+        (lambda *_: [None], "expected objects of classes derived from panchroma.offline.RowStage"),
         (lambda *_: [Own(same, 0, 0)], "the stage 'own' has .*, expected a reach of 0 or more, and a step of 1 or more"),
         (lambda *_: [Own(same, -1)], "expected a reach of 0 or more"),
     ],

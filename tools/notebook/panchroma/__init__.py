@@ -32,7 +32,7 @@ A render uses all processors. Several threads of a program may render at once, a
 
 Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead. Nothing overwrites a file unless
 it is told to (overwrite=True). The command `panchroma` does more: thousands of shots, bursts, calibration, comparison with Bayer
-cameras; `panchroma --help` lists it. `shared` and `offline` are the libraries underneath.
+cameras; `panchroma --help` lists it. `panchroma.shared` and `panchroma.offline` are the libraries underneath.
 """
 
 from importlib import import_module
@@ -64,7 +64,6 @@ _MODULES = {
 __all__ = [
     "Evaluation",
     "Image",
-    "PanchromaError",
     "Picture",
     "Shot",
     "evaluate",

@@ -108,7 +108,7 @@ class Picture:
     >>> picture.save("grey.tif")
     >>> picture.save("grey.tif")
     Traceback (most recent call last):
-    shared.errors.OutputError: grey.tif: exists already; use `overwrite=True` to replace it
+    panchroma.shared.errors.OutputError: grey.tif: exists already; use `overwrite=True` to replace it
     """
 
     rgb: FloatArray
