@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .pictures import Image, Picture, to_srgb
     from .quality import Evaluation, evaluate
-    from .shared.errors import PanchromaError
+    from .shared.errors import PanchromaError as PanchromaError
     from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
     from .simulation import simulate
 
