@@ -11,6 +11,8 @@ from pathlib import Path
 
 from tests.data import ROOT
 
+SOURCE = ROOT / "tools" / "notebook"  # where the package `panchroma` is
+
 
 @contextmanager
 def cluster(folder: Path, count: int) -> "Iterator[tuple[str, list[subprocess.Popen[bytes]]]]":
@@ -26,7 +28,7 @@ def scheduler(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[bytes]]]":
     file = folder / "scheduler.json"
     file.unlink(missing_ok=True)
     options = ("--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file)
-    with _process("dask_scheduler", *options, source=ROOT) as running:
+    with _process("dask_scheduler", *options, source=SOURCE) as running:
         deadline = time.monotonic() + 60
         while not (file.exists() and file.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -34,7 +36,7 @@ def scheduler(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[bytes]]]":
 
 
 @contextmanager
-def worker(folder: Path, address: str, name: str, source: Path = ROOT) -> "Iterator[subprocess.Popen[bytes]]":
+def worker(folder: Path, address: str, name: str, source: Path = SOURCE) -> "Iterator[subprocess.Popen[bytes]]":
     """A worker of the scheduler at `address`; it ends with the block.
 
     It has one process and one thread, and is not started again when it dies: it has none of dask's nanny processes (`--no-nanny`).

@@ -42,8 +42,9 @@ with compilation(lambda number, most: print("compiling", number)):
 def copied(folder: Path) -> None:
     """A copy of our packages with one more kernel."""
     for package in ("offline", "shared"):
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    (folder / "offline/numerics/mirror.py").write_text(KERNEL)
+        shutil.copytree(ROOT / package, folder / "panchroma" / package, ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "panchroma/__init__.py").touch()
+    (folder / "panchroma/offline/numerics/mirror.py").write_text(KERNEL)
 
 
 COMPILED, KEPT = "compiling 1\n3 2\n", "3 2\n"
@@ -53,7 +54,7 @@ def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    helper = tmp_path / "offline/numerics/functions.py"  # from which the kernel takes a function
+    helper = tmp_path / "panchroma/offline/numerics/functions.py"  # from which the kernel takes a function
     helper.write_text(helper.read_text() + "# changed\n")
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     for path in tmp_path.rglob("mirror*.nb[ic]"):

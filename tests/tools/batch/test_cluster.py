@@ -105,8 +105,10 @@ def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) ->
     shot, other = save_shot(tmp_path / "0.dng"), tmp_path / "changed"
     for package in ("shared", "device", "offline", "tools"):
         ignored = shutil.ignore_patterns("__pycache__", "images")
-        shutil.copytree(ROOT / package, other / package, ignore=ignored)
-    with (other / "offline/settings.py").open("a") as file:
+        shutil.copytree(ROOT / package, other / "panchroma" / package, ignore=ignored, symlinks=True)
+    for path in (ROOT / "tools/notebook/panchroma").glob("*.py"):
+        shutil.copy(path, other / "panchroma")
+    with (other / "panchroma/offline/settings.py").open("a") as file:
         file.write("\nSOMETHING = 1\n")
     with scheduler(tmp_path) as (address, _), worker(tmp_path, address, "changed", other):
         outcome = run("render", shot, "-o", out, "--scheduler", address, code=2)

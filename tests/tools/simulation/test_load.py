@@ -139,7 +139,7 @@ def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix
 
 
 def test_commands_start_without_the_libraries_of_file_formats() -> None:
-    script = "import sys, tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
+    script = "import sys, panchroma.tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
     assert run_python(script) == "none\n"
 
 
