@@ -28,9 +28,10 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, curvature
-from ..numerics.arrays import Floats1, Floats3, Scalar
+from ..numerics.arrays import Floats1, Floats3
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
+from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..numerics.pieces import BLOCK_ROWS, in_strips
 from ..stage import NotNegative, Positive, Range, StageSettings
 
@@ -125,12 +126,21 @@ def pool_blocks(
         compared = smoothed(surer * chromaticity, blur)
         features = np.stack([*compared, brightness, (2 * tolerance) * variance])
         near = np.exp(-np.square(np.arange(radius + 1) * (_NEAR / radius)) / 2).astype(np.float32)
-        pooled, around = np.empty_like(sums), ((0, 0), (radius, radius), (radius, radius))
-        pool(np.pad(sums, around), np.pad(features, around, constant_values=1), near, pooled)
+        pooled = _pooled(sums, features, near)
         variance = np.float32(_FOLLOWED) * own + _variance(pooled)
         chromaticity = np.moveaxis(_solved(pooled, frame, 1 / (_APART * grey), expected), 2, 0)
         progress.advance()
     return sites.grid.extend(np.moveaxis(chromaticity, 0, 2))
+
+
+def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatArray:
+    """The result of the kernel `pool` for sums and features of the frame alone, float32 (2 C, rows, columns)."""
+    (count, rows, columns), radius = sums.shape, len(near) - 1
+    more, wider = -count % _TOGETHER, -columns % WIDTH
+    sides = (radius, radius), (radius, radius + wider)
+    pooled = np.zeros((count + more, rows, columns + wider), np.float32)
+    pool(np.pad(sums, ((0, more), *sides)), np.pad(features, ((0, 0), *sides), constant_values=1), near, pooled)
+    return pooled[:count, :, :columns]
 
 
 def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
@@ -177,61 +187,53 @@ def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: Floa
 # exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once.
 _SHARE = np.float32(1 / 16)
 _ZERO, _ONE = np.float32(0), np.float32(1)
+_TOGETHER = 6  # statistics summed at a time, as many as three channels have: more do not fit in the registers of AVX2
 
 
 @parallel_kernel(pieces=lambda *given: given[-1].shape[1])
 def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled: Floats3) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by w, see above.
 
-    sums: (S, radius + rows + radius, radius + columns + radius), the statistics; 0 outside the frame.
+    sums: (S, radius + rows + radius, radius + columns + radius), S a multiple of `_TOGETHER`, the statistics; 0 outside the frame.
     features: (C + 2, as `sums`): C chromaticities, the logarithm of luminance, and the variance, which is more than 0; each scaled,
         so that d is (squared differences of the first) / (sum of the last) + (squared difference of the second).
     near: (radius + 1,), weights by rows, and by columns, between blocks.
-    pooled: (S, rows, columns), written.
+    pooled: (S, rows, columns), columns a multiple of `WIDTH`; 0, and then written.
     """
-    columns, radius, channels = pooled.shape[2], len(near) - 1, len(features) - 2
-    light, noise, here = channels, channels + 1, slice(radius, radius + columns)
+    radius, light = len(near) - 1, len(features) - 2
     for row in range(pieces[0], pieces[1]):
-        weight, own = np.empty(columns, np.float32), row + radius
-        pooled[:, row] = _ZERO
-        for y in range(row, row + 2 * radius + 1):
-            for x in range(2 * radius + 1):
-                there = slice(x, x + columns)
-                weight[:] = _ZERO
-                for plane in range(channels):
-                    _add_square(weight, features[plane, y, there], features[plane, own, here])
-                _divide(weight, features[noise, y, there], features[noise, own, here])
-                _add_square(weight, features[light, y, there], features[light, own, here])
-                _exponential(weight, near[abs(y - own)] * near[abs(x - radius)])
-                for plane in range(len(sums)):
-                    _add_product(pooled[plane, row], weight, sums[plane, y, there])
+        for first in range(0, len(sums), _TOGETHER):
+            for column in range(0, pooled.shape[2], WIDTH):
+                a = b = c = d = e = f = load(pooled, (first, row, column))
+                for y in range(row, row + 2 * radius + 1):
+                    for x in range(column, column + 2 * radius + 1):
+                        distance = _squared_difference(features, 0, y, x, row + radius, column + radius)
+                        for plane in range(1, light):
+                            distance += _squared_difference(features, plane, y, x, row + radius, column + radius)
+                        noise = load(features, (light + 1, y, x)) + load(features, (light + 1, row + radius, column + radius))
+                        distance = quotient(distance, noise)
+                        distance += _squared_difference(features, light, y, x, row + radius, column + radius)
+                        weight = greater(_ONE - _SHARE * distance, _ZERO)
+                        weight *= weight
+                        weight *= weight
+                        weight *= weight
+                        weight *= weight * (near[abs(y - row - radius)] * near[abs(x - column - radius)])
+                        a += weight * load(sums, (first, y, x))
+                        b += weight * load(sums, (first + 1, y, x))
+                        c += weight * load(sums, (first + 2, y, x))
+                        d += weight * load(sums, (first + 3, y, x))
+                        e += weight * load(sums, (first + 4, y, x))
+                        f += weight * load(sums, (first + 5, y, x))
+                store(pooled, (first, row, column), a)
+                store(pooled, (first + 1, row, column), b)
+                store(pooled, (first + 2, row, column), c)
+                store(pooled, (first + 3, row, column), d)
+                store(pooled, (first + 4, row, column), e)
+                store(pooled, (first + 5, row, column), f)
 
 
 @kernel
-def _add_square(total: Floats1, a: Floats1, b: Floats1) -> None:
-    for column in range(len(total)):
-        difference = a[column] - b[column]
-        total[column] += difference * difference
-
-
-@kernel
-def _divide(total: Floats1, a: Floats1, b: Floats1) -> None:
-    for column in range(len(total)):
-        total[column] /= a[column] + b[column]
-
-
-@kernel
-def _exponential(weight: Floats1, near: Scalar) -> None:
-    """Replace each d by near exp(-d)."""
-    for column in range(len(weight)):
-        root = max(_ONE - _SHARE * weight[column], _ZERO)
-        root *= root
-        root *= root
-        root *= root
-        weight[column] = near * root * root
-
-
-@kernel
-def _add_product(total: Floats1, a: Floats1, b: Floats1) -> None:
-    for column in range(len(total)):
-        total[column] += a[column] * b[column]
+def _squared_difference(features: Floats3, plane: int, y: int, x: int, row: int, column: int) -> Lanes:
+    """The squared difference of a feature between blocks at (y, x) and the one at (row, column), and those to their right."""
+    difference = load(features, (plane, y, x)) - load(features, (plane, row, column))
+    return difference * difference
