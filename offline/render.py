@@ -20,6 +20,7 @@ from ..shared.pattern import CfaPattern
 from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
+from .numerics.pieces import in_pieces
 from .numerics.solvers import Solved, SolverLog
 from .parts import Look, Part, RowStage, finish
 from .settings import BEST, RenderSettings
@@ -139,7 +140,8 @@ def render(
     rgb = np.empty_like(chromaticity)
     for part, band in _pictures(measured, settings, log, stages):
         rows = slice(part.first, part.end)
-        luminance[rows], chromaticity[rows], rgb[rows] = part.luminance, part.chromaticity, band
+        copies = (luminance, part.luminance), (chromaticity, part.chromaticity), (rgb, band)
+        in_pieces(lambda index, _: np.copyto(copies[index][0][rows], copies[index][1]), len(copies))  # noqa: B023 - done at once
     return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
 

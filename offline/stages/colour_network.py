@@ -32,6 +32,8 @@ from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
 from ..frame import Sites
 from ..measured import BlockSamples
+from ..numerics.arrays import Floats2, Floats3, Floats4, Ints1
+from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.pieces import copied, in_pieces
 from ..parts import DARK, Look, Part, RowStage
 
@@ -48,12 +50,14 @@ GATE = 0.2
 0.2 is 0.03 dB better on 20 noisy photographs."""
 BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
 """The two components of colour."""
+WEIGHTS = np.concatenate([np.full((1, 3), 1 / 3, np.float32), BASIS])
+"""Luminance and the two components of colour, by channels times gamma."""
 LUMINANCE, EVIDENCE, RANGE = 0.25, 4.0, 8.0
 """Weight of luminance in activity; bound in units of the standard deviation of colour; limit of the inputs: as in training."""
 _LEAST_LIGHT, _LEAST_ACTIVITY = 1e-4, 1e-30  # scene units, and squared: they keep quotients finite
 _DIM, _LEAST_DIM = 0.2, 1e-5  # fraction of the mean luminance, and scene units: a darker pixel's chromaticity tells little
 _FAINT = 0.01  # bound, a fraction of luminance, below which a correction is not worth its time, as below the noise: loses nothing
-_TILE = 48  # cells along the side of a tile: smaller ones see more of their surroundings, larger ones leave the processor's cache
+_TILE, _WIDEST = 48, 96  # cells of a tile down and, at most, across: wider ones leave the processor's cache
 _HALO = REACH + MARGIN
 
 Span = tuple[int, int]
@@ -86,6 +90,7 @@ class Learned(RowStage):
     gamma: FloatArray
 
     name = "learned"
+    kernels = ("cut_cells",)
 
     @property
     def look(self) -> Look:
@@ -102,13 +107,15 @@ class Learned(RowStage):
         cells, network = self._cells, load_network(self.path)
         residuals, size = Residuals(cells, part, self.samples, self.gamma), _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
+        count = 2 * -(-cells.shape[1] // (2 * _WIDEST))  # an even number of tiles in a row: two threads end together
+        sides = _TILE, -(-cells.shape[1] // count)
         result = part.rows(*rows)
         result = replace(result, chromaticity=copied(result.chromaticity))
 
         def correct(tile: tuple[int, int]) -> None:
-            region = [(index * _TILE - _HALO, (index + 1) * _TILE + _HALO) for index in tile]
+            region = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in zip(tile, sides, strict=True)]
             error, variance, unexplained = residuals.of(*region)
-            contrast = Contrast.of(cells.cut(cells.picture(part, self.gamma, *region)), error, variance)
+            contrast = Contrast.of(cells.cut(part, self.gamma, *region), error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             box = [np.flatnonzero(worth[REACH:-REACH, REACH:-REACH].any(axis=axis)) for axis in (1, 0)]
@@ -118,7 +125,7 @@ class Learned(RowStage):
                 spans = [cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))]
                 cells.add(contrast.around(down, across, 1).change(answer[0]), spans, result, self.gamma)
 
-        tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // _TILE))]
+        tiles = [(down, across) for down in range(first, last + 1) for across in range(count)]
         in_pieces(lambda first, _: correct(tiles[first]), len(tiles))
         return result
 
@@ -250,23 +257,19 @@ class Cells:
         channels = [pattern.channels.index(letter) for letter in "RGB"]
         return cls(grid.frame, period, origin, shape, blocks, steps, channels, order)
 
-    def picture(self, part: Part, gamma: FloatArray, rows: Span, columns: Span) -> FloatArray:
-        """Return gamma_i times channel i of the pixels of some cells, mirrored as the network knows them, float32 (3, h K, w K).
+    def cut(self, part: Part, gamma: FloatArray, rows: Span, columns: Span, weights: FloatArray = WEIGHTS) -> FloatArray:
+        """Return three weighted sums of R, G and B, times gamma, of some cells, mirrored as the network knows them.
 
-        part: all rows of the frame that the cells show. The frame is mirrored at its border.
+        Float32 (3, K^2, h, w). weights: (3, 3). part: all rows of the frame that the cells show. The frame is mirrored at its border.
         """
         down = mirrored(self._pixels(0, rows), self.frame[0]).clip(part.first, part.end - 1) - part.first
         across = mirrored(self._pixels(1, columns), self.frame[1])
-        light, colour = (np.take(np.take(plane, down, axis=0), across, axis=1) for plane in (part.luminance, part.chromaticity))
-        return self.turned(np.stack([colour[..., channel] * light * gamma[channel] for channel in self.channels]))
-
-    def cut(self, picture: FloatArray) -> FloatArray:
-        """Return luminance and the two components of colour by cells, (3, K^2, h, w), of a picture (3, h K, w K)."""
-        rows = np.concatenate([np.full((1, 3), 1 / 3, np.float32), BASIS])
-        planes = [sum(weight * plane for weight, plane in zip(row, picture, strict=True)) for row in rows]
-        shape = picture.shape[1] // self.period, self.period, picture.shape[2] // self.period, self.period
-        cells = np.stack([plane.reshape(shape).transpose(1, 3, 0, 2) for plane in planes])
-        return cells.reshape(3, self.period**2, shape[0], shape[2])
+        of_channels = np.empty_like(weights)
+        of_channels[:, self.channels] = weights * gamma[self.channels]
+        picture = np.empty((3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32)
+        down, across = (np.ascontiguousarray(place[::step]) for place, step in zip((down, across), self.steps, strict=True))
+        cut_cells(part.luminance, part.chromaticity, of_channels, down, across, picture)
+        return picture
 
     def add(self, change: FloatArray, spans: list[Span], result: Part, gamma: FloatArray) -> None:
         """Change R, G and B, times gamma, of some cells, (3, K^2, h, w), in the chromaticity of a part, as far as that has them.
@@ -296,6 +299,29 @@ class Cells:
 
     def _pixels(self, axis: int, span: Span) -> IndexArray:
         return self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
+
+
+@parallel_kernel(pieces=lambda *given: given[-1].shape[2])
+def cut_cells(
+    pieces: Pieces, luminance: Floats2, chromaticity: Floats3, weights: Floats2, rows: Ints1, columns: Ints1, out: Floats4
+) -> None:
+    """Write three weighted sums of three channels, times luminance, cell by cell.
+
+    luminance, chromaticity: (H, W) and (H, W, 3). weights: (3, 3), of each sum.
+    rows, columns: those of all pixels of h x w cells, (h K,) and (w K,).
+    out: (3, K^2, h, w), written.
+    """
+    _, _, height, width = out.shape
+    period = len(rows) // height
+    for down in range(pieces[0], pieces[1]):
+        for pixel in range(period * period):
+            row, first = rows[down * period + pixel // period], pixel % period
+            for across in range(width):
+                column = columns[across * period + first]
+                light, colour = luminance[row, column], chromaticity[row, column]
+                for plane in range(3):
+                    total = weights[plane, 0] * colour[0] + weights[plane, 1] * colour[1] + weights[plane, 2] * colour[2]
+                    out[plane, pixel, down, across] = total * light
 
 
 class Residuals:

@@ -23,13 +23,16 @@ Neither is in the paper. Any pattern will do.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
 from ..frame import Cleaned, Sites, curvature, unclipped_blocks
 from ..measured import EVEN, BlockSamples
+from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
+from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
 from ..numerics.pieces import BLOCK_ROWS, copied, in_strips
 from ..parts import DARK, Look, Part, RowStage
@@ -40,7 +43,7 @@ from ..stage import Switch
 class SettlingSettings(Switch):
     """Update of luminance at the colour sites once the colour of blocks is known; not in the paper."""
 
-    kernels = ("smooth",)
+    kernels = ("smooth", "expect_errors")
 
 
 # Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it changes most (README).
@@ -51,6 +54,7 @@ _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power 
 _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
 _LEAST = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
+_ZERO = np.float32(0)
 
 
 def site_reach(period: int) -> int:
@@ -145,70 +149,83 @@ def expected_errors(
     error, weight: e and w, (rows, columns, S).
     """
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
-    power = signal_power(error, None if variance is None else variance.mean(axis=2))
-    near, aside = nearness(sites.pattern), (sites.channels[:, None] == np.arange(len(gamma))) - 1 / len(gamma)
+    mean = signal_power(error, None if variance is None else variance.mean(axis=2))  # M
+    share = np.square(weight).mean(axis=2)  # q
+    most = mean / np.maximum(share, _LEAST_SHARE)
+    of_light = np.minimum(np.square(measured.fill_error[rows]), most)
+    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(1 - 1 / len(gamma))
+    if measured.lines is not None:
+        confidence = measured.lines.share[rows]
+        of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
+        of_light += confidence * (most - of_light)
+    noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
-
-    def work(part: slice) -> None:
-        share, mean = np.square(weight[part]).mean(axis=2), power[part]
-        most = mean / np.maximum(share, _LEAST_SHARE)
-        of_light = np.minimum(np.square(measured.fill_error[rows][part]), most)
-        of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(1 - 1 / len(gamma))
-        if measured.lines is not None:
-            confidence = measured.lines.share[rows][part]
-            of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
-            of_light += confidence * (most - of_light)
-        noise = None if variance is None else _sites_first(variance[part])
-        prior = _Prior(of_light.ravel().astype(np.float64), of_colour.ravel().astype(np.float64), near, aside)
-        expected = prior.posterior(_sites_first(error[part]), np.maximum(_sites_first(weight[part]), 0), noise)
-        for plane, values in zip((light, tints), expected, strict=True):
-            plane[part] = np.moveaxis(values, -1, 0).reshape(plane[part].shape)
-
-    in_strips(work, len(error), BLOCK_ROWS)
+    aside = (sites.channels[:, None] == np.arange(len(gamma))) - 1 / len(gamma)
+    given = Residuals(error, weight, noise, of_light, of_colour)
+    expect_errors(given, nearness(sites.pattern), aside @ aside.T, aside, light, tints)
     return light, tints
 
 
-def _sites_first(values: FloatArray) -> DoubleArray:
-    """Return (rows, columns, S) as (S, blocks)."""
-    return np.ascontiguousarray(np.moveaxis(values.reshape(-1, values.shape[2]), 1, 0), np.float64)
+class Residuals(NamedTuple):
+    """Residuals and what is known of them.
+
+    error, weight, noise: e, w and v, (rows, columns, S). light, colour: D and T, (rows, columns).
+    """
+
+    error: Floats3
+    weight: Floats3
+    noise: Floats3
+    light: Floats2
+    colour: Floats2
 
 
-@dataclass(frozen=True, eq=False)
-class _Prior:
-    """Covariances of n blocks. light, colour: D and T, (n,). near: R, (S, S). aside: [c_s = i] - 1 / C, (S, C)."""
+@parallel_kernel()
+def expect_errors(
+    pieces: Pieces, given: Residuals, near: Doubles2, alike: Doubles2, aside: Doubles2, light: Floats3, tints: Floats4
+) -> None:
+    """Compute E[d | e], (rows, columns, S), and E[t | e], (rows, columns, S, C).
 
-    light: DoubleArray
-    colour: DoubleArray
-    near: DoubleArray
-    aside: DoubleArray
+    near, alike: R and P, (S, S). aside: [c_s = i] - 1 / C, (S, C).
+    """
+    (_, columns, count), channels = light.shape, aside.shape[1]
+    covariance, solution = np.empty((count, count)), np.empty(count)
+    for row in range(pieces[0], pieces[1]):
+        for column in range(columns):
+            of_light, of_colour = np.float64(given.light[row, column]), np.float64(given.colour[row, column])
+            weight, uncertain = given.weight[row, column], of_light + of_colour
+            for s in range(count):
+                solution[s] = given.error[row, column, s]
+                for t in range(count):
+                    both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
+                    covariance[s, t] = near[s, t] * (of_light * both + of_colour * alike[s, t])
+                covariance[s, s] += given.noise[row, column, s] + (_LEAST * uncertain if uncertain > 0 else 1.0)
+            _solve(covariance, solution)
+            for s in range(count):
+                of_site = 0.0
+                for t in range(count):
+                    of_site += near[s, t] * max(weight[t], _ZERO) * solution[t]
+                light[row, column, s] = of_light * of_site
+                for channel in range(channels):
+                    of_site = 0.0
+                    for t in range(count):
+                        of_site += near[s, t] * aside[t, channel] * solution[t]
+                    tints[row, column, s, channel] = of_colour * of_site
 
-    def posterior(self, error: DoubleArray, weight: DoubleArray, noise: DoubleArray | None) -> tuple[DoubleArray, DoubleArray]:
-        """Return E[d | e], (S, n), and E[t | e], (S, C, n). error, weight, noise: e, w and v, (S, n)."""
-        size, uncertain = len(error), self.light + self.colour
-        covariance = self.light * weight[:, None] * weight + self.colour * (self.aside @ self.aside.T)[..., None]
-        covariance *= self.near[..., None]
-        covariance[range(size), range(size)] += np.where(uncertain > 0, _LEAST * uncertain, 1) + (0 if noise is None else noise)
-        solution = _solved(covariance, error)
-        light, colour = np.zeros_like(error), np.zeros((*self.aside.shape, error.shape[1]))
-        for site, value in enumerate(solution):  # not a product of matrices: its sums may depend on a block's place
-            light += self.near[:, site, None] * (weight[site] * value)
-            colour += self.near[:, site, None, None] * (self.aside[site, :, None] * value)
-        return light * self.light, colour * self.colour
 
-
-def _solved(matrix: DoubleArray, right: DoubleArray) -> DoubleArray:
-    """Return x, (S, n), of n systems matrix x = right, positive definite, (S, S, n) and (S, n), which are overwritten."""
+@kernel
+def _solve(matrix: Doubles2, right: Doubles1) -> None:
+    """Solve matrix x = right, positive definite, (S, S) and (S,), by elimination; both are overwritten, `right` by x."""
     size = len(right)
     for row in range(size):
         for below in range(row + 1, size):
             factor = matrix[row, below] / matrix[row, row]
-            matrix[below, below:] -= factor * matrix[row, below:]
+            for column in range(below, size):
+                matrix[below, column] -= factor * matrix[row, column]
             right[below] -= factor * right[row]
-    for row in reversed(range(size)):
+    for row in range(size - 1, -1, -1):
         for other in range(row + 1, size):
             right[row] -= matrix[row, other] * right[other]
         right[row] /= matrix[row, row]
-    return right
 
 
 @dataclass(eq=False)
@@ -241,7 +258,7 @@ class Correction(RowStage):
     gamma: FloatArray
 
     name = "correction"
-    kernels = ("smooth",)
+    kernels = ("smooth", "expect_errors")
 
     @property
     def look(self) -> Look:

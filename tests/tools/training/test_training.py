@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.offline.frame import Sites
-from panchroma.offline.stages.colour_network import BASIS, Cells, Contrast
+from panchroma.offline.stages.colour_network import BASIS, WEIGHTS, Contrast, cut_cells
 from panchroma.offline.stages.luminance_network import SIDE
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
@@ -196,8 +195,10 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
 def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
     """Features and bounds of a picture in both forms."""
     light, colour, error, variance = seen()
-    cells = Cells.of(Sites(CfaPattern.bayer(4), CfaPattern.bayer(4).grid(light.shape)))
-    contrast = Contrast.of(cells.cut((colour * light[..., None]).transpose(2, 0, 1)), error, variance)
+    height, width = light.shape
+    pixels = np.empty((3, 16, height // 4, width // 4), np.float32)
+    cut_cells(light, np.ascontiguousarray(colour), WEIGHTS, np.arange(height), np.arange(width), pixels)
+    contrast = Contrast.of(pixels, error, variance)
     picture, _, *given = batch()
     expected, bound = features(*cells_of(picture, 4), *given)
     assert np.abs(contrast.inputs() - expected[0].numpy()).max() < 1e-4
