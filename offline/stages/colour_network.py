@@ -260,7 +260,9 @@ class Cells:
     def cut(self, part: Part, gamma: FloatArray, rows: Span, columns: Span, weights: FloatArray = WEIGHTS) -> FloatArray:
         """Return three weighted sums of R, G and B, times gamma, of some cells, mirrored as the network knows them.
 
-        Float32 (3, K^2, h, w). weights: (3, 3). part: all rows of the frame that the cells show. The frame is mirrored at its border.
+        Float32 (3, K^2, h, w). The frame is mirrored at its border.
+
+        weights: (3, 3). part: all rows of the frame that the cells show.
         """
         down = mirrored(self._pixels(0, rows), self.frame[0]).clip(part.first, part.end - 1) - part.first
         across = mirrored(self._pixels(1, columns), self.frame[1])

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...offline.parts import Part
 from ...offline.render import measure, parts_of
@@ -90,19 +89,18 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
     return Example(
-        _picture(cells, corrected, rows, columns),
-        _picture(cells, truth, rows, columns),
+        _picture(cells, corrected, rows, columns).astype(_KIND),
+        _picture(cells, truth, rows, columns).astype(_KIND),
         error.astype(_KIND),
         variance[None],
     )
 
 
-def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> NDArray[np.float16]:
-    """Return R, G and B of the pixels of some cells, (3, h K, w K), as they are kept."""
+def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:
+    """Return R, G and B of the pixels of some cells, (3, h K, w K)."""
     pixels = cells.cut(part, np.ones(3, np.float32), rows, columns, weights=np.eye(3, dtype=np.float32))
     shape = 3, cells.period, cells.period, *pixels.shape[2:]
-    picture = pixels.reshape(shape).transpose(0, 3, 1, 4, 2).reshape(3, pixels.shape[2] * cells.period, -1)
-    return picture.astype(_KIND)
+    return pixels.reshape(shape).transpose(0, 3, 1, 4, 2).reshape(3, pixels.shape[2] * cells.period, -1)
 
 
 def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
