@@ -115,7 +115,7 @@ class Learned(RowStage):
         def correct(tile: tuple[int, int]) -> None:
             region = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in zip(tile, sides, strict=True)]
             error, variance, unexplained = residuals.of(*region)
-            contrast = Contrast.of(cells.cut(part, self.gamma, *region), error, variance)
+            contrast = Contrast.of(cells.cut(part, self.gamma, region[0], region[1]), error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             box = [np.flatnonzero(worth[REACH:-REACH, REACH:-REACH].any(axis=axis)) for axis in (1, 0)]
