@@ -335,7 +335,7 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
     (rows, columns), holes, (inner, chunks, _) = blocks.extent, blocks.holes, blocks.response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
     for row in range(pieces[0], pieces[1]):
-        window, coefficients = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
+        window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
         values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
@@ -352,12 +352,12 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
                 i, j = holes[hole, 0] + REACH, holes[hole, 1] + REACH
                 for lane in range(WIDTH):
                     values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
-            _decompose_blocks(window, blocks.filters, coefficients, known)
+            _decompose_blocks(window, blocks.filters, squares, known)
             for threshold in thresholds:
                 for hole in range(len(values)):
                     store(before, (hole, 0), load(values, (hole, 0)))
-                _respond(values, known, blocks.response, coefficients)
-                _shrink_blocks(coefficients, threshold, removed)
+                _respond(values, known, blocks.response, removed, squares)
+                _shrink_blocks(squares, threshold, removed)
                 _remove(removed, blocks.response, values)
             for hole in range(len(holes)):
                 i, j = top + holes[hole, 0], holes[hole, 1]
@@ -367,9 +367,9 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
 
 
 @kernel
-def _decompose_blocks(window: Floats3, filters: Floats3, coefficients: Floats4, known: Floats2) -> None:
-    """Compute the high-pass coefficients without the holes, and copy those that holes add to, all but the outermost, to `known`."""
-    _, rows, columns, _ = coefficients.shape
+def _decompose_blocks(window: Floats3, filters: Floats3, squares: Floats4, known: Floats2) -> None:
+    """Compute the high-pass coefficients without the holes: those that holes add to, all but the outermost, and all squares."""
+    _, rows, columns, _ = squares.shape
     place = 0
     for band in range(3):
         for row in range(rows):
@@ -378,52 +378,51 @@ def _decompose_blocks(window: Floats3, filters: Floats3, coefficients: Floats4, 
                 for i in range(4):
                     for j in range(4):
                         coefficient += filters[band, i, j] * load(window, (row + i, column + j, 0))
-                store(coefficients, (band, row, column, 0), coefficient)
+                store(squares, (band, row, column, 0), coefficient * coefficient)
                 if 0 < row < rows - 1 and 0 < column < columns - 1:
                     store(known, (place, 0), coefficient)
                     place += 1
 
 
 @kernel
-def _respond(values: Floats2, known: Floats2, response: Floats3, coefficients: Floats4) -> None:
-    """Add the holes' part to the coefficients."""
-    _, rows, columns, _ = coefficients.shape
+def _respond(values: Floats2, known: Floats2, response: Floats3, coefficients: Floats2, squares: Floats4) -> None:
+    """Add the holes' part to the known coefficients."""
+    _, rows, columns, _ = squares.shape
     for chunk in range(response.shape[1]):
         h0, h1, h2, h3 = _chunk(values, chunk)
         place = 0
         for band in range(3):
             for row in range(1, rows - 1):
                 for column in range(1, columns - 1):
-                    c, index = response[place, chunk], (band, row, column, 0)
-                    others = load(coefficients, index) if chunk else load(known, (place, 0))
+                    c = response[place, chunk]
+                    others = load(coefficients, (place, 0)) if chunk else load(known, (place, 0))
                     total = others + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
-                    store(coefficients, index, total)
+                    store(coefficients, (place, 0), total)
+                    store(squares, (band, row, column, 0), total * total)
                     place += 1
 
 
 @kernel
-def _shrink_blocks(coefficients: Floats4, threshold: Scalar, removed: Floats2) -> None:
-    """Compute what Eq. 5 removes from the coefficients, all but the outermost."""
-    _, rows, columns, _ = coefficients.shape
+def _shrink_blocks(squares: Floats4, threshold: Scalar, removed: Floats2) -> None:
+    """Replace coefficients, all but the outermost, by what Eq. 5 removes from them."""
+    _, rows, columns, _ = squares.shape
     place = 0
     for band in range(3):
         for row in range(1, rows - 1):
-            left, middle = _energy(coefficients, band, row, 0), _energy(coefficients, band, row, 1)
+            left, middle = _energy(squares, band, row, 0), _energy(squares, band, row, 1)
             for column in range(1, columns - 1):
-                right = _energy(coefficients, band, row, column + 1)
+                right = _energy(squares, band, row, column + 1)
                 part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
-                store(removed, (place, 0), load(coefficients, (band, row, column, 0)) * part)
+                store(removed, (place, 0), load(removed, (place, 0)) * part)
                 left, middle = middle, right
                 place += 1
 
 
 @kernel
-def _energy(coefficients: Floats4, band: int, row: int, column: int) -> Lanes:
-    """Sum of the squares of three vertically adjacent coefficients."""
-    a = load(coefficients, (band, row - 1, column, 0))
-    b = load(coefficients, (band, row, column, 0))
-    c = load(coefficients, (band, row + 1, column, 0))
-    return a * a + b * b + c * c
+def _energy(squares: Floats4, band: int, row: int, column: int) -> Lanes:
+    """Sum of three vertically adjacent squares."""
+    above, below = load(squares, (band, row - 1, column, 0)), load(squares, (band, row + 1, column, 0))
+    return above + load(squares, (band, row, column, 0)) + below
 
 
 @kernel
