@@ -6,8 +6,19 @@ from .measured import Measured
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
 from .numerics.solvers import Solved, SolverLog
-from .parts import Look, Part, RowStage
-from .render import Rendering, Stages, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
+from .parts import Halo, Part, RowStage
+from .render import (
+    Rendering,
+    Stages,
+    clean_frame,
+    colour_bands,
+    estimate_colour,
+    measure,
+    render,
+    render_bands,
+    row_stages,
+    warm_up,
+)
 from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .stages.colour_network import network_name
 
@@ -15,7 +26,7 @@ __all__ = [
     "BEST",
     "PAPER",
     "PRESETS",
-    "Look",
+    "Halo",
     "Measured",
     "Part",
     "RenderSettings",
@@ -25,11 +36,11 @@ __all__ = [
     "SolverLog",
     "Stages",
     "available_threads",
-    "cleaned",
+    "clean_frame",
     "colour_bands",
-    "coloured",
     "compilation",
     "compile_kernel",
+    "estimate_colour",
     "kernel_cache",
     "kernels_to_compile",
     "measure",

@@ -221,7 +221,7 @@ class Cleaned:
 
     mosaic: float32 samples in scene units; its calibration has no shading, and the noise model if one is known or estimated.
     clipping: scene units from which on a sample was saturated.
-    trust: how far the samples of each whole block add up to the luminance around it, 0 to 1, float64 (rows, columns); None = nobody
+    confidence: how far the samples of each whole block add up to the luminance around it, 0 to 1, float64 (rows, columns); None = nobody
         asks.
     unclipped: bool (rows, columns), whole blocks without a saturated sample in them or next to them; None = not measured
         yet, see `unclipped_blocks`.
@@ -232,7 +232,7 @@ class Cleaned:
 
     mosaic: Mosaic
     clipping: float
-    trust: DoubleArray | None = None
+    confidence: DoubleArray | None = None
     unclipped: BoolArray | None = None
     lost: ByteArray | None = None
     estimated: bool = False

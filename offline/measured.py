@@ -70,17 +70,17 @@ class BlockSamples:
         """Where each site of these rows of blocks is in a part of the picture: slices of its rows and columns."""
         return self.sites.at(rows, part.first)
 
-    def missed(self, part: Part, rows: slice) -> FloatArray:
-        """What the part says was missed at the sites of these rows of blocks, (rows, columns, S)."""
-        if part.missed is None:
+    def residual(self, part: Part, rows: slice) -> FloatArray:
+        """Residual of the part at the sites of these rows of blocks, (rows, columns, S)."""
+        if part.residual is None:
             raise InputError(
-                "no stage has measured what the picture misses at the colour sites: the stage 'missed' has to come before, and "
-                "stages of one's own keep Part.missed, as dataclasses.replace does"
+                "no stage has measured the residual of the picture at the colour sites: the stage 'residual' has to come before, and "
+                "stages of one's own keep Part.residual, as dataclasses.replace does"
             )
-        return np.stack([part.missed[place] for place in self.inside(part, rows)], axis=2)
+        return np.stack([part.residual[place] for place in self.inside(part, rows)], axis=2)
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
-        """Variance of the noise in what was missed, float32 (rows, columns, S); None = no noise."""
+        """Variance of the noise in the residual, float32 (rows, columns, S); None = no noise."""
         if self.noise is None or not self.noise.of_colours:
             return None
         return self.noise.variance(self.samples[rows], self.sites.channels) * gamma[self.sites.channels] ** 2

@@ -26,7 +26,7 @@ class Part:
     first: the frame's row that is its first.
     luminance: float32 (rows, W), scene units.
     chromaticity: float32 (rows, W, C).
-    missed: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
+    residual: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
         picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
 
     >>> import numpy as np
@@ -38,7 +38,7 @@ class Part:
     first: int
     luminance: FloatArray
     chromaticity: FloatArray
-    missed: FloatArray | None = None
+    residual: FloatArray | None = None
 
     @property
     def end(self) -> int:
@@ -66,20 +66,20 @@ class Part:
         return [(name, plane) for name in names if (plane := getattr(self, name)) is not None]
 
 
-class Look(NamedTuple):
-    """What a stage needs to see.
+class Halo(NamedTuple):
+    """Rows of the picture that a stage needs around those that it computes.
 
-    reach: rows above and below that the result of a row depends on.
-    step, origin: the rows that it is asked for end where (row - origin) is a multiple of `step`, or at the end of the picture.
+    radius: rows above and below that the result of a row depends on.
+    alignment, offset: requested rows end where (row - offset) is a multiple of `alignment`, or at the end of the picture.
 
-    >>> from panchroma.offline import Look
-    >>> Look(reach=3)
-    Look(reach=3, step=1, origin=0)
+    >>> from panchroma.offline import Halo
+    >>> Halo(radius=3)
+    Halo(radius=3, alignment=1, offset=0)
     """
 
-    reach: int = 0
-    step: int = 1
-    origin: int = 0
+    radius: int = 0
+    alignment: int = 1
+    offset: int = 0
 
 
 class RowStage(Protocol):
@@ -91,38 +91,38 @@ class RowStage(Protocol):
     >>> class Same(RowStage):
     ...     def __call__(self, part, rows):
     ...         return part.rows(*rows)
-    >>> Same().look
-    Look(reach=0, step=1, origin=0)
+    >>> Same().halo
+    Halo(radius=0, alignment=1, offset=0)
     """
 
     name: str = "stage"
     kernels: tuple[str, ...] = ()
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """How much of the picture it needs to see."""
-        return Look()
+        return Halo()
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """The picture in these rows, first and end. part: `look.reach` rows more on both sides, as far as the frame goes."""
+        """The picture in these rows, first and end. part: `halo.radius` rows more on both sides, as far as the frame goes."""
         ...
 
 
-def finish(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT) -> Iterable[Part]:
+def run_stages(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT) -> Iterable[Part]:
     """Lead a picture that arrives in parts, from top to bottom, through the stages. height: its rows.
 
     >>> import numpy as np
-    >>> from panchroma.offline.parts import Part, RowStage, finish
+    >>> from panchroma.offline.parts import Part, RowStage, run_stages
     >>> class Darker(RowStage):
     ...     def __call__(self, part, rows):
     ...         shown = part.rows(*rows)
     ...         return Part(shown.first, shown.luminance / 2, shown.chromaticity)
     >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in range(2)]
-    >>> [float(part.luminance.max()) for part in finish(parts, [Darker(), Darker()], 2)]
+    >>> [float(part.luminance.max()) for part in run_stages(parts, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """
     for number, stage in enumerate(stages):
-        parts = applied(_short(parts) if number else parts, stage, height, progress)
+        parts = apply_stage(_short(parts) if number else parts, stage, height, progress)
     return parts
 
 
@@ -133,10 +133,10 @@ def _short(parts: Iterable[Part]) -> Iterator[Part]:
             yield part.rows(first, min(first + _ROWS, part.end))
 
 
-def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
+def apply_stage(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
     """The picture after one stage, part by part. Raises InputError for what a stage of one's own returns, if it is no such part."""
     ours = type(stage).__module__.startswith(f"{__package__}.")
-    for part, rows in windows(parts, height, stage.look):
+    for part, rows in regroup(parts, height, stage.halo):
         progress.part(stage.name)
         made = stage(part, rows)
         yield made if ours else _checked(made, f"the stage {stage.name!r} returned", part, rows)
@@ -148,10 +148,10 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
         raise InputError(f"{returned} {type(made).__name__}, expected an offline.Part")
     width, channels = part.chromaticity.shape[1:]
     shape = rows[1] - rows[0], width
-    shapes = {"luminance": shape, "chromaticity": (*shape, channels), "missed": shape}
+    shapes = {"luminance": shape, "chromaticity": (*shape, channels), "residual": shape}
     planes = {name: getattr(made, name) for name in shapes}
     for name, plane in planes.items():
-        if plane is None and name == "missed":
+        if plane is None and name == "residual":
             continue
         if not isinstance(plane, np.ndarray) or plane.dtype != np.float32 or plane.shape != shapes[name]:
             found = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
@@ -165,18 +165,22 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
     return Part(made.first, **planes)
 
 
-def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:
-    """Cut a picture into other parts: yield (part, rows), where the part holds `look.reach` rows more around `rows`.
+def regroup(parts: Iterable[Part], height: int, halo: Halo) -> Iterator[tuple[Part, tuple[int, int]]]:
+    """Cut a picture into other parts: yield (part, rows), where the part holds `halo.radius` rows more around `rows`.
 
     parts: from top to bottom. height: rows of the whole picture.
     """
     waiting, done = list[Part](), 0
     for part in parts:
         waiting.append(part)
-        end = height if part.end == height else look.origin + (part.end - look.reach - look.origin) // look.step * look.step
+        end = (
+            height
+            if part.end == height
+            else halo.offset + (part.end - halo.radius - halo.offset) // halo.alignment * halo.alignment
+        )
         if end > done:
             held = Part.joined(waiting)
             yield held, (done, end)
             done = end
-            rest = held.rows(max(done - look.reach, held.first), held.end)
+            rest = held.rows(max(done - halo.radius, held.first), held.end)
             waiting = [rest] if rest.end > rest.first else []

@@ -22,23 +22,23 @@ from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.pieces import in_pieces
 from .numerics.solvers import Solved, SolverLog
-from .parts import Look, Part, RowStage, finish
+from .parts import Halo, Part, RowStage, run_stages
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
-from .stages.colour_lines import OnLines, colour_lines
-from .stages.colour_network import Learned
-from .stages.correction import Correction, Missed, block_samples, settle_luminance
+from .stages.colour_lines import LineProjection, colour_lines
+from .stages.colour_network import ColourNetwork
+from .stages.confidence import block_confidence, replace_doubtful_colour
+from .stages.correction import Correction, SiteResidual, block_samples, update_luminance
 from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
 from .stages.highlights import clipping_level, restore_highlights
 from .stages.luminance import recover_luminance
-from .stages.noise import with_noise
+from .stages.noise import with_noise_model
 from .stages.pinning import Pinning
 from .stages.pooling import pool_blocks
 from .stages.propagation import Propagation, colour
 from .stages.refinement import Refinement
-from .stages.shading import EvenLight
-from .stages.trust import trust_in_blocks, with_trusted_colour
+from .stages.shading import ShadingCorrection
 from .tiling import bands
 from .units import check_finite, check_frames
 
@@ -102,14 +102,16 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     if samples is not None:
         lines, pinned = samples.lines, measured.pattern.is_scattered and settings.pinning.used
         stages += [
-            OnLines(samples.sites, lines, gamma) if lines is not None and settings.lines.used else None,
-            Missed(samples, gamma),
+            LineProjection(samples.sites, lines, gamma) if lines is not None and settings.lines.used else None,
+            SiteResidual(samples, gamma),
             Pinning(measured, samples, progress) if pinned else None,
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
-            Learned(network, samples, gamma) if settings.learned.used and (network := network_for(measured.pattern)) else None,
+            ColourNetwork(network, samples, gamma)
+            if settings.learned.used and (network := network_for(measured.pattern))
+            else None,
         ]
     if (shading := measured.calibration.shading) is not None:
-        stages.append(EvenLight(shading, measured.shape))
+        stages.append(ShadingCorrection(shading, measured.shape))
     return [stage for stage in stages if stage is not None]
 
 
@@ -138,7 +140,7 @@ def render(
     measured = measure(mosaic, settings, log)
     luminance, chromaticity = np.empty(mosaic.shape, np.float32), np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part, band in _pictures(measured, settings, log, stages):
+    for part, band in _render_rgb(measured, settings, log, stages):
         rows = slice(part.first, part.end)
         copies = (luminance, part.luminance), (chromaticity, part.chromaticity), (rgb, band)
         in_pieces(lambda index, _: np.copyto(copies[index][0][rows], copies[index][1]), len(copies))  # noqa: B023 - done at once
@@ -177,7 +179,7 @@ def colour_bands(
     >>> [band.shape for band in colour_bands(measure(grey))]
     [(30, 40, 3)]
     """
-    for _, band in _pictures(measured, settings, progress, stages):
+    for _, band in _render_rgb(measured, settings, progress, stages):
         yield band
 
 
@@ -209,47 +211,47 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     >>> measure(grey).luminance.shape
     (30, 40)
     """
-    shading, frame = mosaic.calibration.shading, cleaned(mosaic, settings, progress)
+    shading, frame = mosaic.calibration.shading, clean_frame(mosaic, settings, progress)
     del mosaic  # for memory, unless the caller keeps it
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
-    measured = coloured(frame, luminance, settings, progress)
+    measured = estimate_colour(frame, luminance, settings, progress)
     del frame, luminance  # for memory
-    return replace(settled(measured, settings), calibration=replace(measured.calibration, shading=shading))
+    return replace(with_updated_luminance(measured, settings), calibration=replace(measured.calibration, shading=shading))
 
 
-def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
+def clean_frame(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
     """The samples of a single frame without what is wrong with them: defects, clipping.
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise and saturation are those of the
-    sensor everywhere; the stage `EvenLight` makes the light even at the end.
+    sensor everywhere; the stage `ShadingCorrection` makes the light even at the end.
     Raises InputError for samples that are not in scene units (see `units`).
 
     >>> import numpy as np
-    >>> from panchroma.offline import cleaned
+    >>> from panchroma.offline import clean_frame
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> bool((cleaned(grey).signal == grey.signal).all())
+    >>> bool((clean_frame(grey).signal == grey.signal).all())
     True
     """
     check_frames([mosaic])
     # No name keeps the samples with their defects while highlights are restored, which needs the most memory.
-    return restored(mend_defects(_with_defects(mosaic, settings, progress), settings.defects, progress), settings, progress)
+    return restore_frame(mend_defects(_prepare_samples(mosaic, settings, progress), settings.defects, progress), settings, progress)
 
 
-def _with_defects(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
-    samples = with_noise(mosaic.evenly_shaded(), settings.noise)
+def _prepare_samples(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
+    samples = with_noise_model(mosaic.evenly_shaded(), settings.noise)
     return Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
 
 
-def restored(mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
+def restore_frame(mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
     """A frame without defects with its highlights restored; what their restoration would hide is measured before."""
-    trust = trust_in_blocks(mended, settings.trust)
+    confidence = block_confidence(mended, settings.confidence)
     unclipped = unclipped_blocks(mended) if settings.highlights.used else None
-    return replace(restore_highlights(mended, settings.highlights, progress), trust=trust, unclipped=unclipped)
+    return replace(restore_highlights(mended, settings.highlights, progress), confidence=confidence, unclipped=unclipped)
 
 
-class Others(NamedTuple):
+class BurstEvidence(NamedTuple):
     """What the other frames of a burst know of the whole blocks of one frame.
 
     sums: what they add to the sums of Eqs. 8-9; None = there are no others.
@@ -260,29 +262,29 @@ class Others(NamedTuple):
     alone: FloatArray
 
 
-def coloured(
+def estimate_colour(
     frame: Cleaned,
     luminance: FloatArray,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
-    others: Others | None = None,
+    others: BurstEvidence | None = None,
 ) -> Measured:
-    """The colour of every block of a frame. Its luminance is that which was given: `settled` changes it.
+    """The colour of every block of a frame. Its luminance is that which was given: `with_updated_luminance` changes it.
 
     luminance: (H, W), filled in and denoised, scene units.
     others: what the other frames of a burst know.
 
     >>> import numpy as np
-    >>> from panchroma.offline import cleaned, coloured
+    >>> from panchroma.offline import clean_frame, estimate_colour
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> coloured(cleaned(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
+    >>> estimate_colour(clean_frame(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3
     """
     sums, alone = others or (None, None)
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, sums)
-    blocks = with_trusted_colour(blocks, frame)
+    blocks = replace_doubtful_colour(blocks, frame)
     measured = Measured(frame.mosaic.pattern, frame.mosaic.calibration, luminance, blocks, None, frame.lost)
     if not settings.asks_for_sites:
         return measured
@@ -290,24 +292,24 @@ def coloured(
     return replace(measured, samples=replace(block_samples(frame, luminance, alone), lines=lines))
 
 
-def settled(measured: Measured, settings: RenderSettings) -> Measured:
+def with_updated_luminance(measured: Measured, settings: RenderSettings) -> Measured:
     """A frame with the luminance that its colour makes most probable; the frame's samples are not needed for it any more."""
     if (samples := measured.samples) is None:
         return measured
-    luminance = settle_luminance(measured.luminance, measured.blocks, samples, measured.gamma, settings.settling)
+    luminance = update_luminance(measured.luminance, measured.blocks, samples, measured.gamma, settings.posterior)
     return replace(measured, luminance=luminance)
 
 
-def parts_of(
+def render_parts(
     measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
     made = _make_stages(stages, measured, settings, progress)
     coloured = any(isinstance(stage, Propagation) for stage in made)
-    return iter(finish(_grey(measured, progress, whole=not coloured), made, measured.shape[0], progress))
+    return iter(run_stages(_grey_parts(measured, progress, whole=not coloured), made, measured.shape[0], progress))
 
 
-def _grey(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
+def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
     """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one value for all pixels."""
     steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
     progress.stage("colour", len(steps))
@@ -318,11 +320,11 @@ def _grey(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Pa
         progress.advance()
 
 
-def _pictures(
+def _render_rgb(
     measured: Measured, settings: RenderSettings, progress: Progress, stages: Stages
 ) -> Iterator[tuple[Part, FloatArray]]:
     """The parts of a picture, and of each channels times luminance (Eq. 17)."""
-    for part in parts_of(measured, settings, progress, stages):
+    for part in render_parts(measured, settings, progress, stages):
         band = np.empty_like(part.chromaticity)
         colour(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
         check_finite(band, part.first)
@@ -337,11 +339,11 @@ def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings, p
     if not isinstance(made, list | tuple):
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:
-        look = getattr(stage, "look", None)
-        if isinstance(stage, type) or not callable(stage) or not isinstance(look, Look):
+        halo = getattr(stage, "halo", None)
+        if isinstance(stage, type) or not callable(stage) or not isinstance(halo, Halo):
             raise InputError(
                 f"stages made a list with {stage!r}, expected objects of classes derived from panchroma.offline.RowStage"
             )
-        if not (look.reach >= 0 and look.step >= 1):
-            raise InputError(f"the stage {stage.name!r} has {look}, expected a reach of 0 or more, and a step of 1 or more")
+        if not (halo.radius >= 0 and halo.alignment >= 1):
+            raise InputError(f"the stage {stage.name!r} has {halo}, expected a radius of 0 or more, and an alignment of 1 or more")
     return list(made)

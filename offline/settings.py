@@ -7,7 +7,8 @@ from .stage import Switch
 from .stages.affinity import AffinitySettings
 from .stages.chromaticity import ChromaticitySettings
 from .stages.colour_lines import LinesSettings
-from .stages.correction import SettlingSettings
+from .stages.confidence import ConfidenceSettings
+from .stages.correction import PosteriorSettings
 from .stages.defects import DefectsSettings
 from .stages.denoising import DenoisingSettings
 from .stages.highlights import HighlightsSettings
@@ -16,7 +17,6 @@ from .stages.noise import NoiseSettings
 from .stages.pooling import PoolingPass, PoolingSettings
 from .stages.propagation import PropagationSettings
 from .stages.refinement import RefinementSettings
-from .stages.trust import TrustSettings
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class RenderSettings:
 
     noise: NoiseSettings = NoiseSettings()
     defects: DefectsSettings = DefectsSettings()
-    trust: TrustSettings = TrustSettings()
+    confidence: ConfidenceSettings = ConfidenceSettings()
     highlights: HighlightsSettings = HighlightsSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
     lines: LinesSettings = LinesSettings()
-    settling: SettlingSettings = SettlingSettings()
+    posterior: PosteriorSettings = PosteriorSettings()
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
     refinement: RefinementSettings = RefinementSettings()

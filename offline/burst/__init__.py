@@ -17,7 +17,7 @@ from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..memory import burst_memory
 from ..parts import RowStage
-from ..render import Others, colour_bands, coloured, row_stages, settled
+from ..render import BurstEvidence, colour_bands, estimate_colour, row_stages, with_updated_luminance
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from .align import Alignment, View, align
@@ -127,6 +127,6 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArra
     alone = alone_of(sites.of(shares).min(axis=2))
     if sites.pattern.is_scattered:
         alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
-    others = Others(sums, alone.astype(np.float32))
-    measured = settled(coloured(cleaned, luminance, settings, SILENT, others), settings)
+    others = BurstEvidence(sums, alone.astype(np.float32))
+    measured = with_updated_luminance(estimate_colour(cleaned, luminance, settings, SILENT, others), settings)
     return shares, measured, samples.relit(measured.luminance - luminance)

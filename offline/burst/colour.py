@@ -23,7 +23,7 @@ from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
-from ..parts import DARK, Look, Part, RowStage
+from ..parts import DARK, Halo, Part, RowStage
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
 from .motion import in_reference
@@ -173,9 +173,9 @@ class Spreading(RowStage):
     kernels = ("solve_tiles",)
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """A tile and what surrounds it."""
-        return Look(HALO + 1, TILE)  # a sample beside the halo shows in its last row
+        return Halo(HALO + 1, TILE)  # a sample beside the halo shows in its last row
 
     @cached_property
     def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:

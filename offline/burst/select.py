@@ -12,7 +12,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
-from ..render import restored
+from ..render import restore_frame
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects
 from ..stages.highlights import clipping_level
@@ -127,13 +127,13 @@ def compared(
     motions: where the reference's points lie in each frame, if that is known.
     """
     models = noise_models(shots, settings.noise)
-    frames = [frame_of(mended(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
+    frames = [frame_of(mend_frame(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
     known: Sequence[Motion | None] = motions or [None] * len(shots)
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
         progress.stage("aligning", len(frames))
         # Samples are mended again: to keep those of all frames takes more memory than anything else here.
-        cleaned = restored(mended(shots[number], models[number], settings), settings, SILENT)
+        cleaned = restore_frame(mend_frame(shots[number], models[number], settings), settings, SILENT)
         base = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
         compared_with, verdicts, kept = Reference(shots[number], base), list[Judged](), list[Kept]()
         for index, (shot, frame, motion) in enumerate(zip(shots, frames, known, strict=True)):
@@ -294,7 +294,7 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
-def mended(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
+def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
     """A frame without shading and defects. noise: see `noise_models`.
 
     Frames are compared without shading, because a thing must look the same in the middle and in a corner. So samples may be

@@ -65,7 +65,7 @@ def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -
     in_pieces(lambda first, _: work(every[first]), len(every))
 
 
-def copied(plane: NDArray[Number]) -> NDArray[Number]:
+def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
     """A copy of an array: new memory takes as long to get as to write, and every thread gets its part."""
     made = np.empty(plane.shape, plane.dtype)
     in_strips(lambda rows: np.copyto(made[rows], plane[rows]), len(plane), STRIP // 4)

@@ -240,7 +240,7 @@ def _believed(value: FloatArray, limit: float) -> FloatArray:
 
 
 @dataclass(eq=False)
-class OnLines(RowStage):
+class LineProjection(RowStage):
     """Lead chromaticity to the lines, as far as they are believed. sites, lines: of the frame. gamma: (C,), of Eq. 7."""
 
     sites: Sites

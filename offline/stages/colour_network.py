@@ -34,8 +34,8 @@ from ..frame import Sites
 from ..measured import BlockSamples
 from ..numerics.arrays import Floats2, Floats3, Floats4, Ints1
 from ..numerics.compile import Pieces, parallel_kernel
-from ..numerics.pieces import copied, in_pieces
-from ..parts import DARK, Look, Part, RowStage
+from ..numerics.pieces import copy_array, in_pieces
+from ..parts import DARK, Halo, Part, RowStage
 
 REACH = 5
 """Cells around a cell that a network sees."""
@@ -77,7 +77,7 @@ def network_name(pattern: CfaPattern) -> str | None:
 
 
 @dataclass(eq=False)
-class Learned(RowStage):
+class ColourNetwork(RowStage):
     """Correct chromaticity by a network.
 
     path: one of `models/`, read when the first rows are computed: raises InputError if that is impossible.
@@ -93,10 +93,10 @@ class Learned(RowStage):
     kernels = ("cut_cells",)
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """A tile, and what the network sees around it."""
         cells = self._cells
-        return Look((_HALO + 1) * cells.period, _TILE * cells.period, cells.origin[0])
+        return Halo((_HALO + 1) * cells.period, _TILE * cells.period, cells.origin[0])
 
     @cached_property
     def _cells(self) -> "Cells":
@@ -110,7 +110,7 @@ class Learned(RowStage):
         count = 2 * -(-cells.shape[1] // (2 * _WIDEST))  # an even number of tiles in a row: two threads end together
         sides = _TILE, -(-cells.shape[1] // count)
         result = part.rows(*rows)
-        result = replace(result, chromaticity=copied(result.chromaticity))
+        result = replace(result, chromaticity=copy_array(result.chromaticity))
 
         def correct(tile: tuple[int, int]) -> None:
             region = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in zip(tile, sides, strict=True)]
@@ -331,7 +331,7 @@ class Residuals:
 
     def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
         rows = samples.within(part)
-        error, noise = samples.missed(part, rows)[..., cells.sites], samples.scaled_variance(gamma, rows)
+        error, noise = samples.residual(part, rows)[..., cells.sites], samples.scaled_variance(gamma, rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
         # In photographs the network also corrects what a colour line explains, in print lines are certain: 8 costs 0.02 dB.

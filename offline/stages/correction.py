@@ -16,7 +16,7 @@ filling f, a multiple of luminance's curvature: D = min(f^2, M / q) with q = mea
 Where luminance is flat, as at an edge between two colours of one brightness, all of M is colour. With a colour line of confidence
 p, which says what colour is, D moves to M / q and T to 0 by p.
 
-- `settle_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
+- `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.
 
 Neither is in the paper. Any pattern will do.
@@ -34,13 +34,13 @@ from ..measured import EVEN, BlockSamples
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
-from ..numerics.pieces import BLOCK_ROWS, copied, in_strips
-from ..parts import DARK, Look, Part, RowStage
+from ..numerics.pieces import BLOCK_ROWS, copy_array, in_strips
+from ..parts import DARK, Halo, Part, RowStage
 from ..stage import Switch
 
 
 @dataclass(frozen=True)
-class SettlingSettings(Switch):
+class PosteriorSettings(Switch):
     """Update of luminance at the colour sites once the colour of blocks is known; not in the paper."""
 
     kernels = ("smooth", "expect_errors")
@@ -86,7 +86,7 @@ def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     return error
 
 
-def settle_luminance(
+def update_luminance(
     luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, gamma: FloatArray, settings: Switch
 ) -> FloatArray:
     """Return luminance, float32 (H, W), with its expected error at the colour sites added.
@@ -96,7 +96,7 @@ def settle_luminance(
     """
     if not settings.used:
         return luminance
-    settled, height = copied(luminance), measured.sites.shape[0]
+    updated, height = copy_array(luminance), measured.sites.shape[0]
     reach = len(gaussian(_WIDTH)) // 2
 
     def work(inner: slice) -> None:
@@ -104,11 +104,11 @@ def settle_luminance(
         error, weight = _block_residuals(luminance, blocks, measured, rows, gamma)
         delta = expected_errors(error, weight, measured, rows, gamma)[0][inner.start - rows.start :]
         for site, place in enumerate(measured.sites.at(inner)):
-            at_site = settled[place]
+            at_site = updated[place]
             at_site += delta[: len(at_site), :, site]
 
     in_strips(work, height, 2 * BLOCK_ROWS)  # some rows are computed twice
-    return settled
+    return updated
 
 
 def _block_residuals(
@@ -229,25 +229,25 @@ def _solve(matrix: Doubles2, right: Doubles1) -> None:
 
 
 @dataclass(eq=False)
-class Missed(RowStage):
-    """Measure the residuals of the picture at the colour sites (`Part.missed`). gamma: (C,), the weights of Eq. 7."""
+class SiteResidual(RowStage):
+    """Measure the residuals of the picture at the colour sites (`Part.residual`). gamma: (C,), the weights of Eq. 7."""
 
     samples: BlockSamples
     gamma: FloatArray
 
-    name = "missed"
+    name = "residual"
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows, with what they miss."""
+        """These rows, with their residual."""
         picture, sites = part.rows(*rows), self.samples.sites
-        missed = np.zeros(picture.luminance.shape, np.float32)
+        residual = np.zeros(picture.luminance.shape, np.float32)
         for site, (channel, (down, across)) in enumerate(zip(sites.channels, sites.places, strict=True)):
             first, end = (min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows)  # rows of blocks
             place = slice(down.start + first * down.step - rows[0], None, down.step), across
             colour = picture.chromaticity[place][: end - first, :, channel] * picture.luminance[place][: end - first]
             error = (self.samples.samples[first:end, :, site] - colour) * self.gamma[channel]
-            missed[place][: end - first] = error * self.samples.unclipped[first:end]
-        return replace(picture, missed=missed)
+            residual[place][: end - first] = error * self.samples.unclipped[first:end]
+        return replace(picture, residual=residual)
 
 
 @dataclass(eq=False)
@@ -261,9 +261,9 @@ class Correction(RowStage):
     kernels = ("smooth", "expect_errors")
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """The blocks around a site."""
-        return Look(site_reach(self.samples.sites.grid.period))
+        return Halo(site_reach(self.samples.sites.grid.period))
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, corrected."""
@@ -272,11 +272,11 @@ class Correction(RowStage):
             return part.rows(*rows)
         places, channels = self.samples.inside(part, blocks), self.samples.sites.channels
         colours = [part.chromaticity[place][..., channel] * gamma[channel] for place, channel in zip(places, channels, strict=True)]
-        error = self.samples.missed(part, blocks)
+        error = self.samples.residual(part, blocks)
         light, tints = expected_errors(error, np.stack(colours, axis=2), self.samples, blocks, gamma)
         if self.samples.kept is not None:
             tints *= self.samples.kept[blocks, :, None, None]
-        luminance, chromaticity = copied(part.luminance), copied(part.chromaticity)
+        luminance, chromaticity = copy_array(part.luminance), copy_array(part.chromaticity)
         for site, place in enumerate(places):
             before, after = luminance[place], luminance[place] + light[..., site]
             lit = ~((after <= DARK) | (before <= DARK))  # what is not a number is to be seen, and refused

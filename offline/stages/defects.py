@@ -32,7 +32,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned, sum_noise
 from ..numerics.functions import ORIENTATIONS
-from ..numerics.pieces import copied, in_strips
+from ..numerics.pieces import copy_array, in_strips
 from ..stage import NotNegative, Positive, StageSettings
 
 
@@ -79,7 +79,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     places = np.nonzero(bad)
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
-        signal, places = copied(frame.signal), (places[0][panchromatic], places[1][panchromatic])
+        signal, places = copy_array(frame.signal), (places[0][panchromatic], places[1][panchromatic])
         signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
     progress.advance()
@@ -87,7 +87,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     if settings.contrast:
         _find_in_blocks(frame, bad_sites, settings)
     if bad_sites.any():
-        signal, (rows, columns) = copied(frame.signal), frame.sites.pixels
+        signal, (rows, columns) = copy_array(frame.signal), frame.sites.pixels
         signal[rows[bad_sites], columns[bad_sites]] = _predicted_in_blocks(frame, bad_sites)
         frame = frame.with_samples(signal)
     progress.advance()

@@ -27,7 +27,7 @@ from ...shared.white_balance import clipped_share, raised_to_white
 from ..frame import Cleaned
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate
-from ..numerics.pieces import BLOCK_ROWS, copied, in_strips
+from ..numerics.pieces import BLOCK_ROWS, copy_array, in_strips
 from ..stage import Between, StageSettings
 
 
@@ -75,7 +75,7 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
         return frame
     progress.stage("highlights", 1)
     neutral, samples, gamma = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma), frame.samples, frame.gamma
-    result, total, gone = copied(signal), np.empty(sites.shape), np.empty(sites.shape)
+    result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)
 
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])

@@ -34,9 +34,9 @@ from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..numerics.lanes import WIDTH, Lanes, lesser, load, store
-from ..numerics.pieces import copied, in_strips
+from ..numerics.pieces import copy_array, in_strips
 from ..stage import Between, Count, Positive, StageSettings
-from .luminance_network import refilled
+from .luminance_network import correct_fill
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
     The threshold falls by beta with each iteration.
     """
     luminance = _filled(mosaic, settings, progress)
-    return refilled(luminance, mosaic) if settings.learned else luminance
+    return correct_fill(luminance, mosaic) if settings.learned else luminance
 
 
 def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> FloatArray:
@@ -97,7 +97,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))
         luminance, change = _fill_isolated(
-            copied(signal) if start is signal else start, pattern, (rows, columns), thresholds, progress
+            copy_array(signal) if start is signal else start, pattern, (rows, columns), thresholds, progress
         )
     else:
         progress.stage("luminance", settings.iterations)

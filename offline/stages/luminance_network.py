@@ -30,7 +30,7 @@ _PLAIN, _CLEAR = 0.02, 1.2
 _PIECE = 8  # rows of blocks computed together, whatever the number of threads: larger pieces leave the cache
 
 
-def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
+def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     """`luminance`, float32 (H, W), corrected in place under the whole blocks of three or four sites in 2 x 2 pixels.
 
     Other blocks stay. luminance: (H, W), filled in, scene units. Raises InputError if the network cannot be read.
@@ -50,7 +50,7 @@ def refilled(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
         # Only what this piece sees, continued beyond the frame's edges: a frame with a border would be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
-        asked, seen, units = seen_around(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
+        asked, seen, units = network_inputs(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
         (found,) = network.run(None, {"seen": seen})
         off[piece * _PIECE :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 
@@ -71,7 +71,7 @@ def mirrors(pattern: CfaPattern) -> tuple[int, int]:
     return down, across
 
 
-def seen_around(
+def network_inputs(
     wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None, steps: tuple[int, int] = (1, 1)
 ) -> tuple[IndexArray, FloatArray, FloatArray]:
     """Which blocks have enough contrast around them that the network can tell anything, and of these what it sees.

@@ -40,7 +40,7 @@ _TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth 
 _ROUNDS = 4  # of leaving out such bins; two do as well
 
 
-def with_noise(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
+def with_noise_model(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
     """The mosaic; where its calibration has no noise model, with an estimate in it if the settings ask for one."""
     if mosaic.calibration.noise is not None or not settings.estimate:
         return mosaic

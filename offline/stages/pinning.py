@@ -24,7 +24,7 @@ from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
 from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
-from ..parts import DARK, Look, Part, RowStage
+from ..parts import DARK, Halo, Part, RowStage
 from .correction import signal_power, site_reach
 
 # Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01 (README).
@@ -65,10 +65,10 @@ class Pinning(RowStage):
     kernels = "solve_tiles", "interpolate", "smooth"
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """Dependence of a pixel: its neighbours, and the tiles around those."""
         period = self.measured.pattern.period
-        return Look(HALO + site_reach(period) + _TAPS * period, TILE)
+        return Halo(HALO + site_reach(period) + _TAPS * period, TILE)
 
     @cached_property
     def _edge(self) -> float:
@@ -86,7 +86,7 @@ class Pinning(RowStage):
             return part.rows(*rows)
         variance = samples.scaled_variance(gamma, tiles)
         noise = None if variance is None else variance.mean(axis=2)
-        power = signal_power(samples.missed(part, tiles), noise)
+        power = signal_power(samples.residual(part, tiles), noise)
         confidence = _confidence(power, noise) * samples.unclipped[tiles]
         places = samples.inside(part, tiles)
         luminance = np.stack([part.luminance[place] for place in places], axis=2)

@@ -20,7 +20,7 @@ from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import unset
-from ..parts import Look, Part, RowStage
+from ..parts import Halo, Part, RowStage
 from ..stage import Finite, StageSettings
 from ..tiling import core_patches, domain_places, patches_of
 from .affinity import CLASSES, AffinitySettings, solve_affinities
@@ -52,10 +52,10 @@ class Propagation(RowStage):
     kernels = "solve_regions", "mix"
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """No rows around, but whole rows of cores (`tiling`)."""
         grid = self.measured.grid
-        return Look(step=core_patches(grid.period)[0] * grid.period, origin=-grid.padding[0][0])
+        return Halo(alignment=core_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0])
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with a chromaticity that does not depend on the part's.

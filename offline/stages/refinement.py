@@ -25,7 +25,7 @@ from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, ze
 from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..numerics.pieces import tiles
-from ..parts import Look, Part, RowStage
+from ..parts import Halo, Part, RowStage
 from ..stage import CountOrNone, NotNegative, Positive, StageSettings
 
 
@@ -57,9 +57,9 @@ class Refinement(RowStage):
     kernels = ("average",)
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         """Half a window for each repetition."""
-        return Look(self.settings.repetitions * (self.measured.pattern.period // 2))
+        return Halo(self.settings.repetitions * (self.measured.pattern.period // 2))
 
     @cached_property
     def sigma(self) -> float:

@@ -7,7 +7,7 @@ from ..parts import Part, RowStage
 
 
 @dataclass(eq=False)
-class EvenLight(RowStage):
+class ShadingCorrection(RowStage):
     """Undo the shading of the panchromatic plane in a picture, (rows, columns) of which are `shape`.
 
     All stages before see a frame that is darker towards its corners, so that noise and saturation are the sensor's everywhere.

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from panchroma.offline import BEST, Measured, Part, RenderSettings, RowStage, measure, row_stages
-from panchroma.offline.parts import finish
+from panchroma.offline.parts import run_stages
 from panchroma.offline.stages.propagation import Propagation
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
@@ -82,9 +82,9 @@ class RowStageTests(StageTests):
         whole = Part(0, measured.luminance, grey)
         first, *others = self.stages(measured)
         assert isinstance(first, Propagation)
-        spread = Part.joined(list(finish([whole], [first], measured.shape[0])))
+        spread = Part.joined(list(run_stages([whole], [first], measured.shape[0])))
         parts = [spread.rows(*rows) for rows in pairwise(cuts)]
-        done = Part.joined(list(finish(parts, others, measured.shape[0])))
+        done = Part.joined(list(run_stages(parts, others, measured.shape[0])))
         return done.chromaticity * done.luminance[..., None]
 
     def test_parts_are_the_whole(self) -> None:

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline import use_threads
 from panchroma.offline.settings import BEST, UNLEARNED
 from panchroma.offline.stages.luminance import recover_luminance
-from panchroma.offline.stages.luminance_network import SIDE, refilled, seen_around
+from panchroma.offline.stages.luminance_network import SIDE, correct_fill, network_inputs
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import NoiseModel
@@ -49,7 +49,7 @@ def test_three_sites_are_corrected_alike_wherever_the_fourth_pixel_is() -> None:
     for down, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         mirrored = CfaPattern(tuple(row[::across] for row in pattern.tile[::down]))
         seen = shot(mirrored, scene=whole[::down, ::across])
-        images.append(refilled(luminance[::down, ::across].copy(), seen)[::down, ::across])
+        images.append(correct_fill(luminance[::down, ::across].copy(), seen)[::down, ::across])
     assert not np.array_equal(images[0], luminance)
     for image in images[1:]:
         assert image == pytest.approx(images[0], abs=1e-5)
@@ -64,7 +64,7 @@ def test_other_blocks_stay_as_they_were_filled(letters: str) -> None:
 def test_what_is_flat_stays_flat() -> None:
     mosaic = shot(CfaPattern.bayer(6), 0.01)
     flat = np.full(mosaic.shape, 0.7, np.float32)
-    assert np.array_equal(refilled(flat.copy(), mosaic), flat)
+    assert np.array_equal(correct_fill(flat.copy(), mosaic), flat)
 
 
 def test_half_the_light_gives_half_the_picture() -> None:
@@ -74,7 +74,7 @@ def test_half_the_light_gives_half_the_picture() -> None:
     )
     darker = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
     luminance = filled(mosaic)
-    assert np.array_equal(2 * refilled(luminance * np.float32(0.5), darker), refilled(luminance.copy(), mosaic))
+    assert np.array_equal(2 * correct_fill(luminance * np.float32(0.5), darker), correct_fill(luminance.copy(), mosaic))
 
 
 def test_the_number_of_threads_changes_no_bit() -> None:
@@ -82,7 +82,7 @@ def test_the_number_of_threads_changes_no_bit() -> None:
     luminance, found = filled(mosaic), []
     for threads in (1, 2):
         use_threads(threads)
-        found.append(refilled(luminance.copy(), mosaic))
+        found.append(correct_fill(luminance.copy(), mosaic))
     use_threads(1)
     assert np.array_equal(found[0], found[1])
 
@@ -93,6 +93,6 @@ def test_it_is_asked_where_there_is_contrast_beyond_noise_alone(noise: float, mo
     contrasts = np.repeat(np.linspace(0.004, 0.1, 25), SIDE).astype(np.float32)
     wide = 1 + np.where(np.indices((SIDE, 25 * SIDE)).sum(axis=0) % 2, contrasts, -contrasts)
     blocks = np.array([0]), np.arange(0, 25 * SIDE, SIDE)
-    asked, _, units = seen_around(wide, blocks, NoiseModel.gaussian(noise, 4))
+    asked, _, units = network_inputs(wide, blocks, NoiseModel.gaussian(noise, 4))
     assert asked.tolist() == np.flatnonzero(contrasts[::SIDE] > most).tolist()
     assert units[:, 0] == pytest.approx(contrasts[::SIDE][asked], rel=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline.frame import sum_noise, unclipped_blocks
-from panchroma.offline.render import cleaned as cleaned_frame
+from panchroma.offline.render import clean_frame
 from panchroma.shared import CfaPattern, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot
 from tests.reference.sensor import observe
@@ -57,4 +57,4 @@ def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseMod
 def test_samples_keep_their_unit_however_dark_the_frame() -> None:
     dark = shot(CfaPattern.bayer(6), (40, 40), None)
     faint = replace(dark, samples=dark.signal / np.float32(256))
-    assert np.array_equal(cleaned_frame(faint).signal * np.float32(256), cleaned_frame(dark).signal)
+    assert np.array_equal(clean_frame(faint).signal * np.float32(256), clean_frame(dark).signal)

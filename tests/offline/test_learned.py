@@ -10,8 +10,8 @@ from panchroma.offline import BEST, memory, network_name, render, rendering_memo
 from panchroma.offline.measured import BlockSamples, ColourLines
 from panchroma.offline.parts import Part
 from panchroma.offline.stages import colour_network as module
-from panchroma.offline.stages.colour_network import REACH, UNKNOWN, Cells, Learned, Residuals
-from panchroma.offline.stages.correction import Missed
+from panchroma.offline.stages.colour_network import REACH, UNKNOWN, Cells, ColourNetwork, Residuals
+from panchroma.offline.stages.correction import SiteResidual
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
@@ -44,12 +44,12 @@ def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
     samples = sampled(mosaic, light)
-    return Missed(samples, ONES)(Part(0, light, colour), (0, len(light))), samples
+    return SiteResidual(samples, ONES)(Part(0, light, colour), (0, len(light))), samples
 
 
-def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> Learned:
+def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> ColourNetwork:
     """The network for a pattern as a stage."""
-    return Learned(network_for(pattern), samples, gamma)
+    return ColourNetwork(network_for(pattern), samples, gamma)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
@@ -125,7 +125,7 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPatter
     part = Part(0, light, rgb / light[..., None])
     sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
     black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
-    part = replace(part, missed=Missed(sites, ONES)(black, (0, shape[0])).missed)
+    part = replace(part, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
     cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
     picture = cells.cut(part, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(3, period, period, *cells.shape)
@@ -194,7 +194,7 @@ def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: 
     """Flat to the last bit: there is no activity, and no division by it."""
     rgb = np.full((90, 96, 3), light, np.float32)
     part, sites = measured(np.ones_like(rgb), pattern)
-    flat = replace(part, luminance=np.full_like(part.luminance, light), missed=np.zeros_like(part.luminance))
+    flat = replace(part, luminance=np.full_like(part.luminance, light), residual=np.zeros_like(part.luminance))
     assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, part.chromaticity, 1e-6)
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline import cleaned
+from panchroma.offline import clean_frame
 from panchroma.offline.stages.chromaticity import sigma_z
-from panchroma.offline.stages.noise import NoiseSettings, estimate_noise, with_noise
+from panchroma.offline.stages.noise import NoiseSettings, estimate_noise, with_noise_model
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import sample
@@ -66,11 +66,11 @@ def test_clipped_parts_do_not_count() -> None:
 
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    assert with_noise(mosaic, NoiseSettings(estimate=False)) is mosaic
-    assert with_noise(mosaic, NoiseSettings(estimate=True)).calibration.noise == estimate_noise(mosaic)
+    assert with_noise_model(mosaic, NoiseSettings(estimate=False)) is mosaic
+    assert with_noise_model(mosaic, NoiseSettings(estimate=True)).calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
-    assert with_noise(known, NoiseSettings(estimate=True)) is known
+    assert with_noise_model(known, NoiseSettings(estimate=True)) is known
 
 
 def test_an_estimate_is_no_sigma_of_chromaticity() -> None:
@@ -78,6 +78,6 @@ def test_an_estimate_is_no_sigma_of_chromaticity() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
     known = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(0.02, 4)))
     unknown = replace(mosaic, calibration=replace(mosaic.calibration, noise=None))
-    assert sigma_z(cleaned(known)) == pytest.approx(0.02)
-    assert cleaned(unknown).noise is not None
-    assert sigma_z(cleaned(unknown)) < 1e-5
+    assert sigma_z(clean_frame(known)) == pytest.approx(0.02)
+    assert clean_frame(unknown).noise is not None
+    assert sigma_z(clean_frame(unknown)) < 1e-5

@@ -45,7 +45,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "propagation": {"softness": (3.0, 0.02), "likeness": (200.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
     **{name: {"used": (False, None)} for name in SWITCHES},
-    "trust": {"used": (False, None), "tolerance": (0.05, None)},
+    "confidence": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
 }
 # Parts that a damaged shot has need of, whose colours are on a line.
@@ -129,7 +129,7 @@ def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: s
         def others(*given: Any, left_out: int = number) -> list[RowStage]:
             return [stage for place, stage in enumerate(row_stages(*given)) if place != left_out]
 
-        if name == "missed":  # the stages after it say that they need it
+        if name == "residual":  # the stages after it say that they need it
             with pytest.raises(InputError, match="no stage has measured"):
                 render(mosaic, settings, stages=others)
             continue

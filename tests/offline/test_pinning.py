@@ -7,8 +7,8 @@ import pytest
 
 from panchroma.offline import BEST, render
 from panchroma.offline.measured import BlockSamples, Measured
-from panchroma.offline.parts import Part, applied
-from panchroma.offline.stages.correction import Missed
+from panchroma.offline.parts import Part, apply_stage
+from panchroma.offline.stages.correction import SiteResidual
 from panchroma.offline.stages.pinning import Pinning
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -35,7 +35,7 @@ def pictured(mosaic: Mosaic) -> tuple[Part, Measured]:
 
 def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
     """Its chromaticity after it has been pinned by these samples."""
-    missed = Missed(samples, measured.gamma)(part, (part.first, part.end))
+    missed = SiteResidual(samples, measured.gamma)(part, (part.first, part.end))
     return Pinning(measured, samples)(missed, (part.first, part.end)).chromaticity
 
 
@@ -44,9 +44,9 @@ def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
     part, measured = pictured(shot(KODAK, (333, 37), sigma))
     whole = pinned(part, measured, measured.samples)
-    missed = Missed(measured.samples, measured.gamma)(part, (0, 333))
+    missed = SiteResidual(measured.samples, measured.gamma)(part, (0, 333))
     pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
-    found = [piece.chromaticity for piece in applied(pieces, Pinning(measured, measured.samples), 333)]
+    found = [piece.chromaticity for piece in apply_stage(pieces, Pinning(measured, measured.samples), 333)]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - part.chromaticity).max() > 0.1
 

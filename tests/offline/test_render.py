@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from panchroma.offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, cleaned, render, render_bands
+from panchroma.offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, clean_frame, render, render_bands
 from panchroma.offline.burst import merge_burst
-from panchroma.offline.parts import Part, finish
+from panchroma.offline.parts import Part, run_stages
 from panchroma.offline.settings import UNLEARNED
 from panchroma.offline.stages.affinity import AffinitySettings
 from panchroma.offline.stages.chromaticity import ChromaticitySettings
@@ -100,7 +100,7 @@ def test_the_same_scene_in_other_light_gives_the_same_picture(scale: float, sett
 @pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
 def test_samples_in_another_unit_are_refused_with_the_factor(light: float) -> None:
     mosaic = replace(shot(*CASES["odd"], sigma=None), samples=np.full(CASES["odd"][1], light, np.float32))
-    ways = (render, cleaned, lambda wrong: list(render_bands(wrong)), lambda wrong: merge_burst([wrong, wrong]))
+    ways = (render, clean_frame, lambda wrong: list(render_bands(wrong)), lambda wrong: merge_burst([wrong, wrong]))
     for way in ways:
         with pytest.raises(InputError, match=r"not in scene units.*multiply the samples, and their noise, by ") as caught:
             way(mosaic)
@@ -153,12 +153,12 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
     mosaic = shot(*CASES["odd"])
 
     def spoilt(*arguments: Any) -> Iterator[Part]:
-        for part in finish(*arguments):
+        for part in run_stages(*arguments):
             part.chromaticity[5, 7, 1] = np.nan
             part.chromaticity[6, 2, 0] = np.inf
             yield part
 
-    monkeypatch.setattr(sys.modules["panchroma.offline.render"], "finish", spoilt)  # `offline.render` is the function
+    monkeypatch.setattr(sys.modules["panchroma.offline.render"], "run_stages", spoilt)  # `offline.render` is the function
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
         with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
             made()

@@ -9,7 +9,7 @@ from panchroma.offline import BEST
 from panchroma.offline.frame import unclipped_blocks
 from panchroma.offline.parts import Part
 from panchroma.offline.stages.chromaticity import block_sums
-from panchroma.offline.stages.correction import Correction, Missed, settle_luminance
+from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
@@ -25,7 +25,7 @@ def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
     """The picture corrected by the samples of a mosaic."""
     samples, gamma = sampled(mosaic, part.luminance, clipping), np.array(mosaic.calibration.gamma, np.float32)
     rows = part.first, part.end
-    return Correction(samples, gamma)(Missed(samples, gamma)(part, rows), rows)
+    return Correction(samples, gamma)(SiteResidual(samples, gamma)(part, rows), rows)
 
 
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
@@ -33,7 +33,7 @@ def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArra
     frame = cleaned(mosaic)
     blocks = extend(block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape)
     gamma = np.array(mosaic.calibration.gamma, np.float32)
-    return settle_luminance(light, blocks.astype(np.float32), sampled(mosaic, light), gamma, BEST.settling)
+    return update_luminance(light, blocks.astype(np.float32), sampled(mosaic, light), gamma, BEST.posterior)
 
 
 def true_light(mosaic: Mosaic) -> FloatArray:
@@ -66,13 +66,13 @@ def test_a_block_is_unclipped_with_all_that_is_next_to_it(pattern: CfaPattern, s
     assert np.array_equal(unclipped_blocks(frame), expected)
 
 
-def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
+def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
     mosaic = shot(BAYER, (90, 96), None)
     light, true, scene, grid = wrong_light(mosaic), true_light(mosaic), materials(mosaic.shape, 3), BAYER.grid(mosaic.shape)
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
     blocks = (scene / true[..., None])[places].astype(np.float32)
     gamma, samples = np.array(mosaic.calibration.gamma, np.float32), sampled(mosaic, light)
-    result = settle_luminance(light, blocks, samples, gamma, BEST.settling)
+    result = update_luminance(light, blocks, samples, gamma, BEST.posterior)
     assert np.square(result - true).mean() < 0.5 * np.square(light - true).mean()
 
 

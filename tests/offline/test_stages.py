@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, Part, RenderSettings, RowStage, measure, render, row_stages
-from panchroma.offline.parts import Look
+from panchroma.offline.parts import Halo
 from panchroma.offline.render import Rendering
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -37,10 +37,10 @@ class Own(RowStage):
     name = "own"
 
     def __init__(self, made: Callable[[Part], Any] = same, *look: int) -> None:
-        self._made, self._look = made, Look(*look)
+        self._made, self._look = made, Halo(*look)
 
     @property
-    def look(self) -> Look:
+    def halo(self) -> Halo:
         return self._look
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
@@ -106,7 +106,7 @@ def spoilt(plane: FloatArray, value: float) -> FloatArray:
             "luminance that is not finite, first in row 49, column 2",
         ),
         (lambda shown: replace(shown, chromaticity=spoilt(shown.chromaticity, np.inf)), "chromaticity that is not finite"),
-        (lambda shown: replace(shown, missed=shown.chromaticity), "a missed that is"),
+        (lambda shown: replace(shown, residual=shown.chromaticity), "a residual that is"),
     ],
 )
 @pytest.mark.parametrize("place", [0, None])
@@ -135,8 +135,8 @@ class NoStage:
         (lambda *_: [Own], "expected objects of classes derived from panchroma.offline.RowStage"),
         (lambda *_: [NoStage()], "expected objects of classes derived from panchroma.offline.RowStage"),
         (lambda *_: [None], "expected objects of classes derived from panchroma.offline.RowStage"),
-        (lambda *_: [Own(same, 0, 0)], "the stage 'own' has .*, expected a reach of 0 or more, and a step of 1 or more"),
-        (lambda *_: [Own(same, -1)], "expected a reach of 0 or more"),
+        (lambda *_: [Own(same, 0, 0)], "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more"),
+        (lambda *_: [Own(same, -1)], "expected a radius of 0 or more"),
     ],
 )
 def test_what_is_no_list_of_stages_is_refused(stages: Any, words: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from panchroma.offline import BEST, PAPER, render, render_bands
 from panchroma.offline import tiling as product
-from panchroma.offline.parts import Look, Part, windows
+from panchroma.offline.parts import Halo, Part, regroup
 from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages.refinement import RefinementSettings
 from panchroma.offline.tiling import bands, domain_places, patches_of
@@ -111,7 +111,7 @@ def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int
     cuts = [0, 9, 10, 43, 60, 97, height]
     parts = (Part(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
     done = 0
-    for part, (first, end) in windows(parts, height, Look(reach, step, -3)):
+    for part, (first, end) in regroup(parts, height, Halo(reach, step, -3)):
         assert first == done
         assert end == height or (end + 3) % step == 0
         assert part.first <= max(first - reach, 0)

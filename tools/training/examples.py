@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...offline.parts import Part
-from ...offline.render import measure, parts_of
+from ...offline.render import measure, render_parts
 from ...offline.settings import BEST
 from ...offline.stages.colour_network import Cells, Residuals, Span
 from ...shared import CfaPattern, Mosaic, SensorCalibration
@@ -82,7 +82,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
     settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
     measured = measure(mosaic, settings)
-    corrected = Part.joined(list(parts_of(measured, settings)))
+    corrected = Part.joined(list(render_parts(measured, settings)))
     assert measured.samples is not None  # BEST uses them
     cells = Cells.of(measured.samples.sites)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame

@@ -22,7 +22,7 @@ from torch import nn
 from ...offline import use_threads
 from ...offline.settings import UNLEARNED
 from ...offline.stages.luminance import recover_luminance
-from ...offline.stages.luminance_network import REACH, SIDE, seen_around
+from ...offline.stages.luminance_network import REACH, SIDE, network_inputs
 from ...shared import CfaPattern
 from ...shared.arrays import BORDER, FloatArray
 from ..batch.console import Console
@@ -55,7 +55,7 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
     blocks = grid.whole_rows, grid.whole_columns
-    asked, seen, units = seen_around(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
+    asked, seen, units = network_inputs(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
     missing = scene.sum(axis=2) - filled
     off = np.stack([missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites])
     clear = seen[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR))

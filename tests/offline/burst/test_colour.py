@@ -8,7 +8,7 @@ import pytest
 from panchroma.offline import Measured, Part, SolverLog
 from panchroma.offline.burst.colour import ColourSamples, Spreading
 from panchroma.offline.numerics.linked import TILE
-from panchroma.offline.parts import applied
+from panchroma.offline.parts import apply_stage
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 
@@ -58,7 +58,7 @@ def spread(
     stage = Spreading(samples, measured, *([log] if log else []))
     height = len(luminance)
     parts = (Part(0, luminance, before).rows(top, min(top + rows, height)) for top in range(0, height, rows))
-    result = np.concatenate([part.chromaticity for part in applied(parts, stage, height)])
+    result = np.concatenate([part.chromaticity for part in apply_stage(parts, stage, height)])
     assert np.abs((result * measured.gamma).sum(axis=2) - 1).max() < 1e-5  # luminance stays
     return result
 

@@ -29,7 +29,7 @@ def test_strips_cover_every_row_once_and_copies_are_whole(each_thread_count: Ite
         seen = np.zeros(rows, int)
         product.in_strips(lambda part, seen=seen: np.add.at(seen, part, 1), rows, 3)  # type: ignore[misc]
         assert (seen == 1).all()
-        assert np.array_equal(product.copied(plane), plane)
+        assert np.array_equal(product.copy_array(plane), plane)
 
 
 def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:

@@ -1,12 +1,12 @@
-"""Trust in the colour of each block: full where its samples add up to the luminance around it (Eq. 7); not in the paper.
+"""Confidence in the colour of each block: full where its samples add up to the luminance around it (Eq. 7); not in the paper.
 
 If an edge or a stroke runs under a block, its samples show different surfaces, and their ratio is no chromaticity. Then they do not
 add up to luminance l as interpolated from the panchromatic samples around the block, unless by chance. With s the standard
 deviation of the noise in the sum of the block's channels c_i,
 
-    trust = 1 / (1 + (|l - sum_i gamma_i c_i| / (tolerance l + 1.9 s))^4),
+    confidence = 1 / (1 + (|l - sum_i gamma_i c_i| / (tolerance l + 1.9 s))^4),
 
-and a block takes as much of the chromaticity of its neighbours as it lacks in trust. Beside clipped samples, where luminance is not
+and a block takes as much of the chromaticity of its neighbours as it lacks in confidence. Beside clipped samples, where luminance is not
 known, the tolerance is smaller, and blocks are compared with one another, too: one that is darker than those around it, as under a
 stroke of over-exposed print, is not trusted. Blocks that do add up keep their colour, however saturated.
 """
@@ -22,8 +22,8 @@ from ..stage import Positive, Switch
 
 
 @dataclass(frozen=True)
-class TrustSettings(Switch):
-    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `stages.trust`); not in the paper.
+class ConfidenceSettings(Switch):
+    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `stages.confidence`); not in the paper.
 
     tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
         its neighbours, > 0.
@@ -39,11 +39,11 @@ _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its 
 _SUNKEN = 0.05  # next to a clipped sample: by which share of their light blocks may be darker than those around
 _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 _NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs loses up to 0.1 dB
-_TINY = 1e-9  # keeps divisions by luminance and by trust finite
+_TINY = 1e-9  # keeps divisions by luminance and by confidence finite
 
 
-def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | None:
-    """Return trust in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
+def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray | None:
+    """Return confidence in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
 
     frame: its highlights not restored.
     """
@@ -55,11 +55,11 @@ def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | No
     apart = np.where(around.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
     tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, around.light, frame.gamma, frame.noise) if frame.noise else 0.0
-    trust = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
-    return np.where(clipped, trust * in_keeping(total, unsure), trust)
+    confidence = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
+    return np.where(clipped, confidence * brightness_agreement(total, unsure), confidence)
 
 
-def in_keeping(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
+def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
     """How far each block is as bright as those around it, 0 to 1, float64 (rows, columns); brighter ones are: strokes are dark.
 
     total: what the channels of a block add up to, scene units. unsure: standard deviation of its noise.
@@ -68,16 +68,16 @@ def in_keeping(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleA
     return 1 / (1 + (np.maximum(around - total, 0) / np.maximum(_SUNKEN * around + _NOISE * unsure, _TINY)) ** _STEEPNESS)
 
 
-def with_trusted_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:
-    """Chromaticities of all blocks, float32 (block rows, block columns, C); those without trust are replaced by their neighbours'.
+def replace_doubtful_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:
+    """Chromaticities of all blocks, float32 (block rows, block columns, C); those without confidence are replaced by their neighbours'.
 
-    blocks: as the result, which is `blocks` itself where `frame.trust` is None.
+    blocks: as the result, which is `blocks` itself where `frame.confidence` is None.
     """
-    trust, sites = frame.trust, frame.sites
-    if trust is None:
+    confidence, sites = frame.confidence, frame.sites
+    if confidence is None:
         return blocks
     whole = sites.whole(blocks).astype(np.float64)
-    weight, *sums = smoothed(np.stack([trust, *(trust * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND)
+    weight, *sums = smoothed(np.stack([confidence, *(confidence * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND)
     around = np.stack(sums, axis=2) / np.maximum(weight, _TINY)[..., None]
     around /= (around @ frame.gamma)[..., None]
-    return sites.grid.extend((around + trust[..., None] * (whole - around)).astype(np.float32))
+    return sites.grid.extend((around + confidence[..., None] * (whole - around)).astype(np.float32))

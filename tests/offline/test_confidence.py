@@ -8,8 +8,8 @@ from PIL import Image, ImageDraw
 
 from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.frame import Cleaned
+from panchroma.offline.stages.confidence import block_confidence, replace_doubtful_colour
 from panchroma.offline.stages.highlights import clipping_level
-from panchroma.offline.stages.trust import trust_in_blocks, with_trusted_colour
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import FloatArray
 from tests.offline.scenes import cleaned, shot
@@ -17,7 +17,7 @@ from tests.offline.stage_tests import StageTests
 from tests.offline.test_highlights import NEUTRAL, exposed
 from tests.reference.sensor import observe
 
-SETTINGS = BEST.trust
+SETTINGS = BEST.confidence
 
 
 def silent(mosaic: Mosaic) -> Cleaned:
@@ -30,14 +30,14 @@ class TestTrust(StageTests):
         frame = cleaned(mosaic)
         means = frame.sites.means(frame.samples)
         blocks = frame.sites.grid.extend((means / (means @ frame.gamma)[..., None]).astype(np.float32))
-        return with_trusted_colour(blocks, replace(frame, trust=trust_in_blocks(frame, SETTINGS)))
+        return replace_doubtful_colour(blocks, replace(frame, confidence=block_confidence(frame, SETTINGS)))
 
 
 def test_the_paper_trusts_every_block() -> None:
     mosaic = shot(CfaPattern.bayer(6), (40, 40), None)
-    assert trust_in_blocks(cleaned(mosaic), PAPER.trust) is None
+    assert block_confidence(cleaned(mosaic), PAPER.confidence) is None
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
-    assert with_trusted_colour(blocks, cleaned(mosaic)) is blocks
+    assert replace_doubtful_colour(blocks, cleaned(mosaic)) is blocks
 
 
 def test_noise_on_a_flat_surface_breaks_no_trust() -> None:
@@ -45,7 +45,7 @@ def test_noise_on_a_flat_surface_breaks_no_trust() -> None:
     clean = observe(np.full((120, 120, 3), 0.05), CfaPattern.bayer(6))
     samples = clean.signal + np.random.default_rng(0).normal(0, 0.03, clean.shape).astype(np.float32)
     mosaic = Mosaic(samples, clean.pattern, replace(clean.calibration, noise=noise))
-    assert trust_in_blocks(cleaned(mosaic), SETTINGS).mean() > 0.95
+    assert block_confidence(cleaned(mosaic), SETTINGS).mean() > 0.95
 
 
 def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
@@ -54,13 +54,13 @@ def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
     scene[28:31, 30::6] = 0.02  # blocks begin at multiples of six
     mosaic = exposed(scene)
     frame, grid = silent(mosaic), mosaic.pattern.grid(mosaic.shape)
-    trust = trust_in_blocks(frame, SETTINGS)
-    assert trust[5, 5:].max() < 0.3
-    assert np.delete(trust, 5, axis=0).min() > 0.9
+    confidence = block_confidence(frame, SETTINGS)
+    assert confidence[5, 5:].max() < 0.3
+    assert np.delete(confidence, 5, axis=0).min() > 0.9
     blocks = np.broadcast_to(np.array(NEUTRAL) / sum(NEUTRAL), (*grid.shape, 3)).astype(np.float32)
     tinted = blocks.copy()
     tinted[grid.rows == 30, 6:] = (0.05, 0.55, 0.4)
-    mixed = with_trusted_colour(tinted, replace(frame, trust=trust))
+    mixed = replace_doubtful_colour(tinted, replace(frame, confidence=confidence))
     assert np.abs(mixed - blocks).max() < 0.3 * np.abs(tinted - blocks).max()
 
 
@@ -78,4 +78,4 @@ def test_over_exposed_print_is_neutral(light: float) -> None:
 def test_a_saturated_light_vouches_for_its_colour() -> None:
     mosaic = exposed(np.broadcast_to(np.array([0.9, 0.7, 0.4]) * 2.4, (48, 48, 3)).astype(np.float32))
     assert mosaic.signal.max() >= clipping_level(mosaic)
-    assert trust_in_blocks(silent(mosaic), SETTINGS).min() > 0.99
+    assert block_confidence(silent(mosaic), SETTINGS).min() > 0.99
