@@ -26,9 +26,9 @@ def used_kernels(*settings: RenderSettings) -> list[str]:
     """
     frame = Measured.outline(Mosaic(np.zeros((24, 24), np.float32), CfaPattern.bayer(), SensorCalibration()))
     used = set() if settings else set(_all_kernels())
-    for each in settings:
-        used.update(KERNELS, *(part.kernels for part in vars(each).values() if part.used))
-        used.update(*(stage.kernels for stage in row_stages(frame, each)))
+    for preset in settings:
+        used.update(KERNELS, *(part.kernels for part in vars(preset).values() if part.used))
+        used.update(*(stage.kernels for stage in row_stages(frame, preset)))
     return sorted(used, key=lambda name: (_LONGEST.index(name) if name in _LONGEST else len(_LONGEST), name))
 
 

@@ -100,7 +100,9 @@ class Sites:
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
         """The means of values, (*B, S), over the sites of each channel, (*B, C)."""
-        return np.stack([values[..., self.channels == each].mean(axis=2) for each in range(len(self.pattern.channels))], axis=2)
+        return np.stack(
+            [values[..., self.channels == channel].mean(axis=2) for channel in range(len(self.pattern.channels))], axis=2
+        )
 
     def whole(self, blocks: FloatArray) -> FloatArray:
         """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a view."""
@@ -170,7 +172,7 @@ class BlockSums:
         gamma: (C,), the weights of Eq. 7.
         expected: what they are pulled towards, as the result; None = grey, as in the paper.
         """
-        found = np.empty(self.weight.shape)
+        chromaticities = np.empty(self.weight.shape)
 
         def work(rows: slice) -> None:
             a = self.weight[rows].astype(np.float64) + sigma**2
@@ -178,10 +180,10 @@ class BlockSums:
             free = (self.product[rows] + towards) / a  # Eqs. 8-9 without the constraint
             pull = gamma / a
             missing = 1 - free @ gamma
-            found[rows] = free + pull * (missing / (pull @ gamma))[..., None]
+            chromaticities[rows] = free + pull * (missing / (pull @ gamma))[..., None]
 
-        in_strips(work, len(found), BLOCK_ROWS)
-        return found
+        in_strips(work, len(chromaticities), BLOCK_ROWS)
+        return chromaticities
 
 
 def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:
@@ -261,8 +263,8 @@ class Cleaned:
     def level(self) -> float:
         """Mean of the panchromatic ones, more than 0: thresholds that are a share of it do not depend on the exposure."""
         coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
-        total = self.signal.sum(dtype=np.float64) - sum(each.sum(dtype=np.float64) for each in coloured)
-        return max(float(total) / (self.signal.size - sum(each.size for each in coloured)), _TINY)
+        total = self.signal.sum(dtype=np.float64) - sum(samples.sum(dtype=np.float64) for samples in coloured)
+        return max(float(total) / (self.signal.size - sum(samples.size for samples in coloured)), _TINY)
 
     @property
     def noise(self) -> NoiseModel | None:

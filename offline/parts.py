@@ -52,7 +52,7 @@ class Part:
             return parts[0]
         first, end = parts[0].first, parts[-1].end
         planes = {name: np.empty((end - first, *plane.shape[1:]), plane.dtype) for name, plane in parts[0]._planes()}
-        copies = [(planes[name][each.first - first : each.end - first], plane) for each in parts for name, plane in each._planes()]
+        copies = [(planes[name][part.first - first : part.end - first], plane) for part in parts for name, plane in part._planes()]
         in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
         return cls(first, **planes)
 
@@ -62,7 +62,7 @@ class Part:
         return Part(first, **{name: plane[within] for name, plane in self._planes()})
 
     def _planes(self) -> list[tuple[str, FloatArray]]:
-        names = [each.name for each in fields(self)][1:]
+        names = [field.name for field in fields(self)][1:]
         return [(name, plane) for name in names if (plane := getattr(self, name)) is not None]
 
 
@@ -154,8 +154,8 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
         if plane is None and name == "residual":
             continue
         if not isinstance(plane, np.ndarray) or plane.dtype != np.float32 or plane.shape != shapes[name]:
-            found = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
-            raise InputError(f"{returned} a {name} that is {found}, expected float32 {shapes[name]}")
+            received = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
+            raise InputError(f"{returned} a {name} that is {received}, expected float32 {shapes[name]}")
         if not np.isfinite(plane).all():
             row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
             raise InputError(f"{returned} a {name} that is not finite, first in row {rows[0] + row}, column {column}")

@@ -59,11 +59,11 @@ class RenderSettings:
     @property
     def asks_for_sites(self) -> bool:
         """Whether a switch is on: these stages look at the samples of the colour sites, or at what the picture misses there."""
-        return any(each.used for each in vars(self).values() if isinstance(each, Switch))
+        return any(part.used for part in vars(self).values() if isinstance(part, Switch))
 
     def switched(self, used: bool) -> "RenderSettings":
         """These settings with every `Switch` on or off."""
-        switches: dict[str, Any] = {name: replace(each, used=used) for name, each in vars(self).items() if isinstance(each, Switch)}
+        switches: dict[str, Any] = {name: replace(part, used=used) for name, part in vars(self).items() if isinstance(part, Switch)}
         return replace(self, **switches)
 
 

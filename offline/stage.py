@@ -35,11 +35,11 @@ class StageSettings:
     def __post_init__(self) -> None:
         """Raise InputError, which names a setting, its value and what is expected, for one outside its range."""
         part = type(self).__name__.removesuffix("Settings").lower()
-        for each in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, each.name)
-            for allowed in getattr(each.type, "__metadata__", ()):
+        for field in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            for allowed in getattr(field.type, "__metadata__", ()):
                 if not allowed.holds(value):
-                    raise InputError(f"settings: {part}.{each.name} is {value}, expected {allowed.expected}")
+                    raise InputError(f"settings: {part}.{field.name} is {value}, expected {allowed.expected}")
 
     @property
     def used(self) -> bool:

@@ -94,18 +94,18 @@ def align(reference: View, frame: View) -> Alignment | str:
     gain = _gain(reference, frame)
     copies = list(_copies(reference, frame, gain))[::-1]
     starts = Motion(), Motion(_shift(copies[0]))  # where a large thing moves, its shift may be the likeliest
-    found = max((_refined(copies[0], start) for start in starts), key=lambda fit: fit.agreement)
+    best = max((_refined(copies[0], start) for start in starts), key=lambda fit: fit.agreement)
     for copy in copies[1:]:
-        found = _refined(copy, found.motion.times(2))
+        best = _refined(copy, best.motion.times(2))
     scale = copies[-1].scale
-    if not found.error * scale <= _MOST_ERROR:
+    if not best.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
-    if (local := _local_shifts(copies[-1], found.motion)) is not None:
-        found = max(found, _fit(copies[-1], replace(found.motion, local=local)), key=lambda fit: fit.agreement)
-    if found.agreement < _LEAST_AGREEMENT:
-        share = f"{100 * found.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
+    if (local := _local_shifts(copies[-1], best.motion)) is not None:
+        best = max(best, _fit(copies[-1], replace(best.motion, local=local)), key=lambda fit: fit.agreement)
+    if best.agreement < _LEAST_AGREEMENT:
+        share = f"{100 * best.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
         return f"another scene, or too little texture: {share} must"
-    return Alignment(found.motion.times(scale), gain * found.gain, found.error * scale, found.agreement)
+    return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
 
 class _Copy(NamedTuple):
@@ -120,7 +120,7 @@ class _Copy(NamedTuple):
     variance: float
 
 
-class _Seen(NamedTuple):
+class _Aligned(NamedTuple):
     """A frame as the reference would see it: its light, what it is brighter by, and where both show the same thing, (H, W)."""
 
     light: FloatArray
@@ -177,7 +177,7 @@ def _texture(plane: FloatArray) -> FloatArray:
     return plane - smoothed(plane, _WIDE)
 
 
-def _seen(copy: _Copy, motion: Motion) -> _Seen:
+def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     light = displaced(copy.frame, motion)
     inside = np.isfinite(light)
     own, other = (smoothed(np.where(inside, plane, 0), _WIDE) for plane in (copy.reference, light))
@@ -186,13 +186,13 @@ def _seen(copy: _Copy, motion: Motion) -> _Seen:
     light = np.where(inside, light / np.float32(gain), copy.reference)
     differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)  # not another light on the scene
     usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(differs)
-    return _Seen(light, gain, inside, inside & (differs < usual))
+    return _Aligned(light, gain, inside, inside & (differs < usual))
 
 
 def _refined(copy: _Copy, motion: Motion) -> _Fit:
     """The shift and rotation by which the copies correlate most; those given if OpenCV finds no better ones."""
     for _ in range(_ROUNDS):
-        same = _seen(copy, motion).same.astype(np.uint8)
+        same = _aligned(copy, motion).same.astype(np.uint8)
         start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
         try:  # the reference is what is displaced: the mask is its
             matrix = cv2.findTransformECC(copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1)[1]
@@ -217,18 +217,18 @@ def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
 
 def _fit(copy: _Copy, motion: Motion) -> _Fit:
     """Measure how well a motion fits."""
-    seen = _seen(copy, motion)
-    rest, count = _texture(seen.light - copy.reference), max(int(seen.same.sum()), 1)
-    gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, seen.same]
-    left = float(np.square(rest[seen.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
+    aligned = _aligned(copy, motion)
+    rest, count = _texture(aligned.light - copy.reference), max(int(aligned.same.sum()), 1)
+    gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, aligned.same]
+    left = float(np.square(rest[aligned.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    wide = [plane - _around(plane, _TILE) for plane in (copy.reference, seen.light - copy.reference)]
-    texture, differs = (float(np.square(plane[seen.inside]).mean()) for plane in wide)
+    wide = [plane - _around(plane, _TILE) for plane in (copy.reference, aligned.light - copy.reference)]
+    texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
-    return _Fit(motion, seen.gain, error, max(1 - differs / texture, 0))
+    return _Fit(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
@@ -241,7 +241,7 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     dark, bright = np.quantile(copy.reference, (0.005, 0.995))
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
-    moved = [_seen(copy, motion).light]
+    moved = [_aligned(copy, motion).light]
     for _ in range(_FLOWS):
         codes = [(plane - dark) * (255 / max(bright - dark, TINY)) for plane in (copy.reference, moved[-1])]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
@@ -249,7 +249,7 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
-        moved.append(_seen(copy, replace(motion, local=local)).light)
+        moved.append(_aligned(copy, replace(motion, local=local)).light)
     before, after = (np.square(light - copy.reference) * inside for light in (moved[0], moved[-1]))
     worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
     share = _around(before - after, 2 * _TILE)[nodes] / _around(worth, 2 * _TILE)[nodes]

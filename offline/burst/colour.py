@@ -210,9 +210,9 @@ def samples_of(part: Part, samples: ColourSamples, near: IndexArray, precision: 
     shares = np.stack([(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1)
     pixels, channels = corner[:, None] + (0, 1, columns, columns + 1), samples.channels[near].astype(np.intp)
     colour = (part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares).sum(axis=1)
-    missed = gamma[channels] * (samples.values[near] - colour * samples.light[near])
+    residual = gamma[channels] * (samples.values[near] - colour * samples.light[near])
     weights = (samples.weight[near] * precision)[:, None] * shares
     shape = len(gamma), rows, columns
     at = (channels[:, None] * (rows * columns) + pixels).ravel()
-    sums = (np.bincount(at, each.ravel(), math.prod(shape)) for each in (weights, weights * missed[:, None]))
-    return Samples(*(each.reshape(shape).astype(np.float32) for each in sums))
+    sums = (np.bincount(at, plane.ravel(), math.prod(shape)) for plane in (weights, weights * residual[:, None]))
+    return Samples(*(plane.reshape(shape).astype(np.float32) for plane in sums))

@@ -225,9 +225,9 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
                 error[row, column] = power[row, column] = _ZERO
         for sample in range(len(samples)):
             y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
-            missed = samples[sample, 2] - interpolated(fine, y, x)
-            _splat(error, y, x, weight * missed)
-            _splat(power, y, x, weight * missed * missed / samples[sample, 4])
+            residual = samples[sample, 2] - interpolated(fine, y, x)
+            _splat(error, y, x, weight * residual)
+            _splat(power, y, x, weight * residual * residual / samples[sample, 4])
         smooth_rows(error, _NARROW, 0, rows, missed_near)
         smooth_rows(power, _WIDE, 0, rows, missed_wide)
         for row in range(rows):

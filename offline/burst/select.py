@@ -143,10 +143,10 @@ def compared(
             verdicts.append(judged)
             kept += [merged] if merged else []
         # The reference counts in full, but where it is clipped and another frame is not.
-        seen = np.zeros(base.luminance.shape, np.uint8)
+        agreed = np.zeros(base.luminance.shape, np.uint8)
         for other in kept:
-            np.maximum(seen, other.agreement, out=seen)
-        agrees = (255 - np.rint((1 - unclipped(base)) * seen)).astype(np.uint8)
+            np.maximum(agreed, other.agreement, out=agreed)
+        agrees = (255 - np.rint((1 - unclipped(base)) * agreed)).astype(np.uint8)
         cleaned = replace(cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, agrees))
         tried.append(Comparison(number, cleaned, verdicts, [Kept(base, Motion(), agrees), *kept]))
         if 2 * len(tried[-1].kept) > len(shots):

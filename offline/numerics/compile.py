@@ -121,11 +121,11 @@ def _newest_source() -> float:
 
 def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
     """The arrays among arguments, also in tuples of them."""
-    for each in arguments:
-        if isinstance(each, np.ndarray):
-            yield each
-        elif isinstance(each, tuple):
-            yield from _arrays(each)
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            yield argument
+        elif isinstance(argument, tuple):
+            yield from _arrays(argument)
 
 
 def _numba_type(annotation: Any) -> Any:

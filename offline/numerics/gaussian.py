@@ -32,10 +32,10 @@ def smoothed(planes: NDArray[Any], sigma: float) -> FloatArray:
 def filtered(planes: NDArray[Any], taps: FloatArray) -> FloatArray:
     """As `smoothed`, by the taps of another symmetric filter, an odd number."""
     source = np.ascontiguousarray(planes, np.float32)
-    found, shape = np.empty_like(source), (-1, *source.shape[-2:])
-    for plane, out in zip(source.reshape(shape), found.reshape(shape), strict=True):
+    result, shape = np.empty_like(source), (-1, *source.shape[-2:])
+    for plane, out in zip(source.reshape(shape), result.reshape(shape), strict=True):
         smooth(plane, taps, out)
-    return found
+    return result
 
 
 _STRIP = 64  # rows that one piece of work smooths; chosen for speed

@@ -94,16 +94,18 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
 
     def spread(inner: slice) -> None:
         top = max(inner.start - halo, 0)
-        seen, kept = signal[top : inner.stop + halo], slice(inner.start - top, inner.stop - top)
-        if not seen.max() >= clipping:
+        nearby, kept = signal[top : inner.stop + halo], slice(inner.start - top, inner.stop - top)
+        if not nearby.max() >= clipping:
             return
-        clear = pattern.panchromatic_mask(seen.shape, (top, 0))
-        first, plane, over = (sites.middle[0] - top, sites.middle[1]), np.empty_like(seen), clear & (seen >= clipping)
+        clear = pattern.panchromatic_mask(nearby.shape, (top, 0))
+        first, plane, over = (sites.middle[0] - top, sites.middle[1]), np.empty_like(nearby), clear & (nearby >= clipping)
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
-        raised = corrected(plane, np.where(clear & ~over, seen, np.float32(np.nan)), _TOLERANCE * clipping, _WIDTH * pattern.period)
-        np.copyto(result[inner], np.maximum(raised, seen)[kept], where=over[kept])
+        raised = corrected(
+            plane, np.where(clear & ~over, nearby, np.float32(np.nan)), _TOLERANCE * clipping, _WIDTH * pattern.period
+        )
+        np.copyto(result[inner], np.maximum(raised, nearby)[kept], where=over[kept])
 
     in_strips(spread, len(signal), STRIP // 2)
     progress.advance()

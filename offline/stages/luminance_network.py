@@ -50,8 +50,8 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
         # Only what this piece sees, continued beyond the frame's edges: a frame with a border would be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
-        asked, seen, units = network_inputs(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
-        (found,) = network.run(None, {"seen": seen})
+        asked, inputs, units = network_inputs(luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps)
+        (found,) = network.run(None, {"seen": inputs})
         off[piece * _PIECE :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 
     in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
@@ -88,7 +88,7 @@ def network_inputs(
     units: FloatArray = np.sqrt(np.einsum("ij,ij->i", pixels, pixels)[:, None] / np.float32(SIDE**2))
     deviation = np.sqrt(noise.variance(mean, -1) if noise else np.zeros_like(mean))
     asked = np.flatnonzero(units > np.maximum(np.float32(_PLAIN) * np.abs(mean), np.float32(_CLEAR) * deviation))
-    units, seen = units[asked], np.empty((len(asked), SIDE**2 + 1), np.float32)
-    np.divide(pixels[asked], units, out=seen[:, :-1])
-    seen[:, -1:] = np.log2(1 + deviation[asked] / units)
-    return asked, seen, units
+    units, inputs = units[asked], np.empty((len(asked), SIDE**2 + 1), np.float32)
+    np.divide(pixels[asked], units, out=inputs[:, :-1])
+    inputs[:, -1:] = np.log2(1 + deviation[asked] / units)
+    return asked, inputs, units

@@ -52,7 +52,7 @@ class PoolingPass(NamedTuple):
 
 
 _PASSES = Range(
-    lambda passes: all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= WIDEST_WINDOW for each in passes),
+    lambda passes: all(len(step) == 3 and step[0] >= 0 and step[1] > 0 and 1 <= step[2] <= WIDEST_WINDOW for step in passes),
     f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {WIDEST_WINDOW}",
 )
 
@@ -152,13 +152,13 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
     sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
     light = np.zeros(frame.sites.shape, np.float32)
-    seen, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
+    sensitivity, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
             value = luminance[place]
             bend = curvature(luminance, place, frame.sites.grid)
-            variance = np.square(np.float32(error) * seen[channel, rows] * bend)
+            variance = np.square(np.float32(error) * sensitivity[channel, rows] * bend)
             if noise is not None:
                 variance += noise.variance(grey * value, channel)
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
