@@ -59,7 +59,7 @@ class Sites:
         return self.at(slice(0, self.shape[0]))
 
     def at(self, rows: slice, first: int = 0) -> list[tuple[slice, slice]]:
-        """As `places`, for these rows of blocks, 1 or more, in a plane whose first row is the frame's row `first`."""
+        """Places of these rows of blocks, 1 or more, in a plane whose first row is the frame's row `first`."""
         corner = int(self.grid.whole_rows[rows.start]) - first, int(self.grid.whole_columns[0])
         counts, period = (rows.stop - rows.start, self.shape[1]), self.grid.period
         down, across = (

@@ -1,4 +1,4 @@
-"""What is known of a whole frame before colour is spread: all that the stages in rows get."""
+"""Measurements of the whole frame before colour is spread: the input of the stages in rows."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,7 +39,7 @@ class ColourLines:
 
 @dataclass(frozen=True, eq=False)
 class BlockSamples:
-    """What the B = (rows, columns) whole blocks of a frame measured with their S sites, and how sure that is.
+    """Samples of the B = (rows, columns) whole blocks of a frame at their S sites, and the confidence in them.
 
     sites: where they are.
     samples: float32 (*B, S), scene units, defects mended and highlights restored.
@@ -67,7 +67,7 @@ class BlockSamples:
         return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
 
     def inside(self, part: Part, rows: slice) -> list[tuple[slice, slice]]:
-        """Where each site of these rows of blocks is in a part of the picture: slices of its rows and columns."""
+        """Coordinates of each site of these rows of blocks in a part of the picture: slices of its rows and columns."""
         return self.sites.at(rows, part.first)
 
     def residual(self, part: Part, rows: slice) -> FloatArray:
@@ -88,7 +88,7 @@ class BlockSamples:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What is known of the whole frame before colour is spread.
+    """Measurements of the whole frame before colour is spread.
 
     pattern: of the frame.
     calibration: of the samples. With shading, light still falls off as of the panchromatic plane, equally for all filters.

@@ -1,4 +1,4 @@
-"""How much memory the stages need, so that a program can refuse a frame before it starts."""
+"""Memory estimates, so that a program can refuse a frame before it starts."""
 
 from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for

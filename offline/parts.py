@@ -100,7 +100,7 @@ class RowStage(Protocol):
 
     @property
     def halo(self) -> Halo:
-        """How much of the picture it needs to see."""
+        """Rows around the requested ones that the stage needs."""
         return Halo()
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
@@ -143,7 +143,7 @@ def apply_stage(parts: Iterable[Part], stage: RowStage, height: int, progress: P
 
 
 def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> Part:
-    """What a stage of one's own made of these rows, its planes contiguous. Raises InputError, which begins with `returned`."""
+    """Output of a user's stage for these rows, with contiguous planes. Raises InputError, which begins with `returned`."""
     if not isinstance(made, Part):
         raise InputError(f"{returned} {type(made).__name__}, expected an offline.Part")
     width, channels = part.chromaticity.shape[1:]

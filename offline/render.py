@@ -252,7 +252,7 @@ def restore_frame(mended: Cleaned, settings: RenderSettings, progress: Progress 
 
 
 class BurstEvidence(NamedTuple):
-    """What the other frames of a burst know of the whole blocks of one frame.
+    """Evidence of the other frames of a burst about the whole blocks of one frame.
 
     sums: what they add to the sums of Eqs. 8-9; None = there are no others.
     alone: how far luminance at the sites is known from this frame alone, 0 to 1, float32 (rows, columns).

@@ -53,12 +53,12 @@ class RenderSettings:
 
     @property
     def asks_for_codes(self) -> bool:
-        """Whether it matters which samples are saturated; if not, `in_scene_units` renders the same."""
+        """True if the result depends on which samples are saturated; if not, `in_scene_units` renders the same."""
         return self.defects.used or self.highlights.used or self.asks_for_sites
 
     @property
     def asks_for_sites(self) -> bool:
-        """Whether a switch is on: these stages look at the samples of the colour sites, or at what the picture misses there."""
+        """True if a switch is on: these stages use the samples of the colour sites, or the residual of the picture there."""
         return any(part.used for part in vars(self).values() if isinstance(part, Switch))
 
     def switched(self, used: bool) -> "RenderSettings":

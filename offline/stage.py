@@ -9,7 +9,7 @@ from ..shared.errors import InputError
 
 
 class Range(NamedTuple):
-    """Which values a setting may have: whether a value is one of them, and how to say which are."""
+    """Range of a setting: a test of a value, and a description for messages."""
 
     holds: Callable[[Any], bool]
     expected: str
@@ -43,12 +43,12 @@ class StageSettings:
 
     @property
     def used(self) -> bool:
-        """Whether the stage changes anything."""
+        """True if the stage changes anything."""
         return not self.asked_by or any(getattr(self, name) for name in self.asked_by)
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """See above."""
+        """Names of the kernels, see above."""
         return ()
 
 

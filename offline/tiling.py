@@ -1,4 +1,4 @@
-"""Where patches, cores and bands of a frame lie, and the domain (the frame mirrored out to whole patches): arithmetic only.
+"""Coordinates of patches, cores and bands of a frame, and of the domain (the frame mirrored out to whole patches).
 
 A band is a whole number of rows of cores (see `stages.affinity`).
 """

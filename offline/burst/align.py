@@ -139,7 +139,7 @@ class _Fit(NamedTuple):
 
 
 def _gain(reference: View, frame: View) -> float:
-    """How many times as bright a frame is, by a quantile of the light that is clipped in neither."""
+    """Exposure ratio of the frame, from a quantile of the luminance that is clipped in neither frame."""
     share = min(float((view.luminance < view.limit).mean()) for view in (reference, frame)) / 2
     own, other = (float(np.quantile(view.luminance, share)) for view in (reference, frame))
     return other / own if own > 0 and other > 0 else 1.0

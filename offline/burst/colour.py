@@ -154,7 +154,7 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
 
 
 def alone_of(shares: FloatArray) -> FloatArray:
-    """How far the reference is alone, 0 to 1, by the variance of merged luminance relative to its own."""
+    """Single-frame weight of the reference, 0 to 1, from the noise variance of the merged luminance relative to its own."""
     return np.maximum(shares - SHARED, 0) / (1 - SHARED)
 
 
@@ -199,7 +199,7 @@ class Spreading(RowStage):
 
 
 def samples_of(part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray) -> Samples:
-    """What a part of the picture misses of samples, times gamma, shared out to the four pixels around each.
+    """Residuals of samples in a part of the picture, times gamma, distributed to the four pixels around each sample.
 
     near: (N,), which samples. precision: (N,), of each.
     """

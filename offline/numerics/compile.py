@@ -55,7 +55,7 @@ class ParallelKernel(Generic[P]):
 
     @property
     def ready(self) -> bool:
-        """Whether it is compiled in this process."""
+        """True if it is compiled in this process."""
         return self._compiled is not None
 
     def __call__(self, *arguments: P.args, **_: P.kwargs) -> None:
@@ -76,7 +76,7 @@ class ParallelKernel(Generic[P]):
         return self._compiled
 
     def kept(self) -> bool:
-        """Whether there is machine code on the disk that is newer than the sources; of another processor, perhaps."""
+        """True if there is machine code on the disk that is newer than the sources, perhaps of another processor."""
         newest = max(_newest_source(), Path(self._function.__code__.co_filename).stat().st_mtime)
         return any(path.stat().st_mtime >= newest for path in self._indexes())
 

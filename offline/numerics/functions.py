@@ -73,7 +73,7 @@ def unset(*shape: int) -> FloatArray:
 
 @kernel
 def zeros(*shape: int) -> FloatArray:
-    """As `unset`, but all zeros."""
+    """An array of zeros, otherwise like `unset`."""
     array = unset(*shape)
     array[:] = np.float32(0)
     return array

@@ -30,7 +30,7 @@ def smoothed(planes: NDArray[Any], sigma: float) -> FloatArray:
 
 
 def filtered(planes: NDArray[Any], taps: FloatArray) -> FloatArray:
-    """As `smoothed`, by the taps of another symmetric filter, an odd number."""
+    """Planes convolved like `smoothed`, with an odd number of taps of any symmetric filter."""
     source = np.ascontiguousarray(planes, np.float32)
     result, shape = np.empty_like(source), (-1, *source.shape[-2:])
     for plane, out in zip(source.reshape(shape), result.reshape(shape), strict=True):
@@ -53,7 +53,7 @@ def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
 
 @kernel
 def smooth_rows(plane: Floats2, taps: Floats1, first: int, last: int, out: Floats2) -> None:
-    """As `smooth`, rows `first` to `last` alone."""
+    """Smooth rows `first` to `last` alone, otherwise like `smooth`."""
     (height, width), reach = plane.shape, len(taps) // 2
     line = np.empty(width + 2 * reach, np.float32)
     for row in range(first, last):

@@ -1,4 +1,4 @@
-"""How work is cut into pieces and shared among threads: the one place that knows. What a piece computes depends on no other piece.
+"""Distribution of work among threads, in pieces that do not depend on each other.
 
 The thread that calls works too. The others are started for each call, which takes 0.1 ms, and end with it: threads that stay would
 be lost in a child made by fork, and keep a program from ending that is interrupted while one starts. Several threads may call at a
@@ -73,5 +73,5 @@ def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
-    """How many tiles cover a shape, the last of a row and of a column in part. tile: its height and width."""
+    """Number of tiles that cover a shape, the last of a row and of a column in part. tile: its height and width."""
     return -(-shape[0] // tile[0]) * -(-shape[1] // tile[1])

@@ -1,4 +1,4 @@
-"""What a rendering tells beside its picture: what its iterative solvers did."""
+"""Statistics of the iterative solvers of a rendering."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from ...shared.progress import SILENT, Progress
 
 @dataclass(frozen=True)
 class Solved:
-    """What an iterative solver did; the worst case where it solved several systems.
+    """Statistics of an iterative solver; of several systems the worst case.
 
     iterations: how many it used.
     residual: what was left after them, 0 or more. What it measures depends on the solver: see `Rendering.solvers`.

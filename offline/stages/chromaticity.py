@@ -45,7 +45,7 @@ class ChromaticitySettings(StageSettings):
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
+        """Kernels of the stage."""
         return ("oriented_median",) * (self.taps > 1) + ("smooth",) * (self.detail > 0)
 
 

@@ -60,7 +60,7 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
 
 
 def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
-    """How far each block is as bright as those around it, 0 to 1, float64 (rows, columns); brighter ones are: strokes are dark.
+    """Agreement of the brightness of each block with that of its surroundings, 0 to 1, float64 (rows, columns); brighter ones are: strokes are dark.
 
     total: what the channels of a block add up to, scene units. unsure: standard deviation of its noise.
     """

@@ -133,7 +133,7 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
 
 
 def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
-    """How far blocks do not measure the clipped light around them, 0 to 1, float64 (rows, columns).
+    """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows, columns).
 
     A block measures a highlight if it lies inside it, and its surroundings as far as the next blocks. A dark block beside one
     whose channels are all clipped lies beyond the rim of a burnt-out light: what is clipped between the two is burnt out too.
@@ -148,7 +148,7 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
 
 
 def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
-    """What is lost of panchromatic samples, and as their mean at the colour sites between them, uint8 (H, W); 255 = all of it.
+    """Lost panchromatic samples, and their mean at the colour sites between them, uint8 (H, W); 255 = all of it.
 
     lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
     """

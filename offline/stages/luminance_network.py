@@ -74,7 +74,7 @@ def mirrors(pattern: CfaPattern) -> tuple[int, int]:
 def network_inputs(
     wide: FloatArray, blocks: tuple[IndexArray, IndexArray], noise: NoiseModel | None, steps: tuple[int, int] = (1, 1)
 ) -> tuple[IndexArray, FloatArray, FloatArray]:
-    """Which blocks have enough contrast around them that the network can tell anything, and of these what it sees.
+    """Select blocks with enough contrast around them for the network, and return its inputs.
 
     wide: luminance with `REACH` more pixels on each side. blocks: first rows and first columns of blocks, without these pixels.
     steps: -1 along an axis (down, across) that is mirrored, otherwise 1.

@@ -116,7 +116,7 @@ class Place(NamedTuple):
 
 
 class Weighting(NamedTuple):
-    """See `PropagationSettings`."""
+    """Constants of `PropagationSettings`."""
 
     softness: Single
     likeness: Single
