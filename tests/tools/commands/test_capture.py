@@ -10,6 +10,7 @@ import signal
 import subprocess
 import threading
 import time
+from functools import cache
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -220,6 +221,7 @@ LINE = 465  # bytes
 SLIPPED = "the stream has lost or gained bytes; start the camera again"
 
 
+@cache
 def moving(count: int) -> list[bytes]:
     """Frames of a scene that moves."""
     scene = builtin_scene(400, 280).rgb
