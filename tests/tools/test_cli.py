@@ -142,7 +142,7 @@ def test_verbose_shows_the_traceback_of_a_fault_once(
             raise InputError("is not there")
         raise RuntimeError(f"odd\x1b {source}")
 
-    monkeypatch.setattr(inspect, "_shown", fail)
+    monkeypatch.setattr(inspect, "_shot", fail)
     words: list[str | Path] = ["inspect", shots / SHOT, "missing.dng", tmp_path / "other.dng", "-q"]
     words.insert(0 if before else len(words), option)
     shown = run(*words, code=1).err.splitlines()

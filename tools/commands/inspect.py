@@ -6,9 +6,9 @@ Reading compares a shot's samples with their digest, and checks every field of a
 import argparse
 import os
 import stat
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,17 @@ from ...shared.errors import ForeignFileError
 from ...shared.networks import network_for
 from ...shared.processors import processors
 from ..batch.console import Console
-from ..batch.folders import DNGS, Source, search
+from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
 from ..batch.parallel import follow, in_threads
 from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
 
-_COLUMN = 14  # characters for the name of a row
-_DAMAGED, _UNREAD, _FOREIGN = "damaged", "that cannot be read", "of other programs, without a digest to check"
+_KINDS = "damaged", "that cannot be read", "of other programs, without a digest to check"
+_DAMAGED, _UNREAD, _FOREIGN = _KINDS
+
+Rows = list[tuple[str, str]]
+"""Names and values of a table for people."""
 
 USAGE = "SHOT ..."
 EXAMPLE = "panchroma inspect shots --verify"
@@ -44,30 +47,38 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     found, limit = search(arguments.shots, DNGS), pixel_limit()
     searched = found.report(console)
-    if arguments.verify:
-        code = _verify(found.sources, limit, console)
-    else:
-        jobs = [Job(source.name, found=source.found) for source in found.sources]
-        code = run_jobs(jobs, lambda job, _: _shown(job.source, limit), console)
+    jobs = [Job(source.name, found=source.found) for source in found.sources]
+    code = (_verify if arguments.verify else _show)(jobs, limit, console)
     return code if searched else FAILED
 
 
-def _shown(source: str, max_pixels: int) -> Outcome:
-    """What is in a shot or a camera file."""
-    if Path(source).suffix.lower() == ".json":
-        return _camera(source)
-    mosaic = read_dng(source, max_pixels=max_pixels)
-    facts = _facts(mosaic, len(read_preview(source))) | {"digest": "shot"}
-    return Outcome(facts, (source, *_table(facts)))
+def _show(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
+    """Show what is in each shot or camera file; returns the exit code."""
+
+    def work(job: Job, listener: StageProgress) -> Outcome:
+        facts, rows = _camera(job.source) if _is_camera(job.source) else _shot(job.source, max_pixels)
+        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)))
+
+    return run_jobs(jobs, work, console)
 
 
-def _verify(sources: Sequence[Source], max_pixels: int, console: Console) -> int:
+def _is_camera(source: str) -> bool:
+    return source.lower().endswith(".json")
+
+
+def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
+    """What is in a shot, for machines and for people."""
+    facts = _facts(read_dng(source, max_pixels=max_pixels), len(read_preview(source)))
+    return facts, _rows(facts)
+
+
+def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
     wrong: dict[str, str] = {}  # file -> what is wrong with it
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         try:
-            if job.source.lower().endswith(".json"):
+            if _is_camera(job.source):
                 return Outcome({"calibration_id": read_camera(job.source).calibration.id})
             rows, columns = verify_dng(job.source, max_pixels=max_pixels)
             return Outcome({"width": columns, "height": rows, "digest": "shot"})
@@ -78,15 +89,14 @@ def _verify(sources: Sequence[Source], max_pixels: int, console: Console) -> int
             wrong[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
             raise
 
-    files = {source.name: source for source in sources}  # one that is named twice is checked once
+    jobs = list({job.source: job for job in jobs}.values())  # each is checked once
     with console.progress("verify") as progress:
-        jobs = [Job(name, found=source.found) for name, source in files.items()]
         results = in_threads(work, jobs, processors(), console.note)
         code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
-    kinds = {kind: [file for file in files if wrong.get(file) == kind] for kind in (_DAMAGED, _UNREAD, _FOREIGN)}
-    counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found or kind == _DAMAGED]
-    named = (f"  {file}" for kind in (_DAMAGED, _UNREAD) for file in kinds[kind])
-    console.say(", ".join([f"{len(files) - len(wrong)} whole", *counts]), *named)
+    kinds = Counter(wrong.values())
+    counts = [f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind] or kind == _DAMAGED]
+    named = (f"  {job.source}" for kind in _KINDS[:2] for job in jobs if wrong.get(job.source) == kind)
+    console.say(", ".join([f"{len(jobs) - len(wrong)} whole", *counts]), *named)
     return code
 
 
@@ -96,25 +106,24 @@ def _is_readable(file: str) -> bool:
     return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
 
 
-def _camera(source: str) -> Outcome:
-    """What is in a camera file."""
+def _camera(source: str) -> tuple[dict[str, Any], Rows]:
+    """What is in a camera file, for machines and for people."""
     camera = read_camera(source)
-    calibration, pattern = camera.calibration, camera.pattern
+    calibration, pattern, letters = camera.calibration, camera.pattern, "unknown"
+    if pattern:
+        name = f"{pattern.name}, " if pattern.name else ""
+        letters = f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
-        "pattern": "unknown",
+        "pattern": letters,
         **_calibration(calibration.to_json()),
         "defects": f"{len(calibration.defects)} pixels",
     }
     rows["levels"] += f" ({calibration.bits} bits)"
-    if pattern:
-        name = f"{pattern.name}, " if pattern.name else ""
-        rows["pattern"] = f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
     for part, how in camera.measured.items():
-        said = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in how.items()}
-        rows[f"{part}:"] = ", ".join(f"{name} {value}" for name, value in said.items())
-    lines = (f"  {name:<13}{value}" for name, value in rows.items())
-    return Outcome({"camera": camera.to_json(), "calibration_id": calibration.id}, (source, *lines))
+        values = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in how.items()}
+        rows[f"{part}:"] = ", ".join(f"{name} {value}" for name, value in values.items())
+    return {"camera": camera.to_json(), "calibration_id": calibration.id}, list(rows.items())
 
 
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
@@ -138,11 +147,9 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((read >= calibration.full_scale).mean()) if read.size else None,
         "calibration": calibration.to_json(),
         "calibration_id": calibration.id,
-        "metadata": {
-            **asdict(metadata),
-            "taken": metadata.taken.isoformat() if metadata.taken else None,
-        },
+        "metadata": asdict(metadata) | {"taken": metadata.taken.isoformat() if metadata.taken else None},
         "preview_bytes": preview_bytes,
+        "digest": "shot",
     }
 
 
@@ -155,15 +162,15 @@ def _light(mosaic: Mosaic) -> float:
     return 3 * (1 - colour + colour / full_scale)
 
 
-def _table(facts: dict[str, Any]) -> list[str]:
-    """The facts as the lines of a table for people."""
+def _rows(facts: dict[str, Any]) -> Rows:
+    """The facts as the rows of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     light = "unknown: no pixel is panchromatic"
     if facts["mean_luminance"] is not None:
         light = f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
-    rows = [
+    return [
         ("size", f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"),
         ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
         *(("", " ".join(row)) for row in pattern["letters"]),
@@ -174,7 +181,6 @@ def _table(facts: dict[str, Any]) -> list[str]:
         ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),
         *_capture(facts["metadata"]).items(),
     ]
-    return [f"  {name:<{_COLUMN}}{value}" for name, value in rows]
 
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
@@ -182,12 +188,12 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
     lights = document.get("lights", ())
     estimated = ", estimated from the picture" if document.get("neutral_estimated") else ""
     rows = {
-        "levels": f"black {_row(document['black_level'])}, white {document['white_level']}",
-        "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
+        "levels": f"black {_values(document['black_level'])}, white {document['white_level']}",
+        "gamma": f"{_values(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
         "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
-        **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_row(each['neutral'])}" for each in lights},
-        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown") + estimated,
+        **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_values(each['neutral'])}" for each in lights},
+        "neutral": (_values(document["neutral"]) if document["neutral"] else "unknown") + estimated,
     }
     if "shading" in document:
         rows["shading"] = f"{Shading(**document['shading']).words}; undone"
@@ -218,15 +224,15 @@ def _noise(noise: dict[str, Any] | None) -> str:
     if noise is None:
         return "unknown"
     if not any(noise["shot"]):
-        return f"sigma {_row(noise['read'])} scene units"
-    return f"variance = {_row(noise['shot'])} x signal + ({_row(noise['read'])})^2, scene units"
+        return f"sigma {_values(noise['read'])} scene units"
+    return f"variance = {_values(noise['shot'])} x signal + ({_values(noise['read'])})^2, scene units"
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> str:
     return " / ".join(" ".join(f"{value:+.4f}" for value in row) for row in rows)
 
 
-def _row(values: tuple[float, ...]) -> str:
+def _values(values: tuple[float, ...]) -> str:
     """The values; a single one where all are equal."""
     shown = values[:1] if len(set(values)) == 1 else values
     return " ".join(f"{value:.6g}" for value in shown)
