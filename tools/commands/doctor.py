@@ -13,10 +13,11 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
 from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from ...shared.errors import DurabilityWarning, PanchromaError
 from ...shared.processors import processors
@@ -63,34 +64,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-def _compiled(console: Console) -> "Finding":
-    """Compile all kernels that are not in the cache."""
-    name = "compilation"
-    try:
-        names = to_compile()
-        start = time.monotonic()
-        with console.progress("doctor") as progress:
-            progress.stage("compiling", len(names))
-            for number, (kernel, error) in enumerate(compile_all(names, processors(), console.note), 1):
-                if error is not None:
-                    return Finding(name, BAD, f"{kernel}: {error}", "close other programs, and run it again")
-                progress.advance()
-                progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := to_compile():
-            return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
-    except ModuleNotFoundError as error:
-        return Finding(name, BAD, f"needs {error.name}, which is not installed", ALL)
-    except RuntimeError:
-        return Finding(name, BAD, "there is no folder to keep compiled kernels in", CACHE_REMEDY)
-    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"
-    return Finding(name, GOOD, took)
-
-
 # --- the checks: each reports what it finds, and how to repair what is wrong ------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """What one check found.
 
     name: what was checked.
@@ -106,7 +83,29 @@ class Finding:
 
 
 def _judged(name: str, right: bool, found: str, remedy: str) -> Finding:
-    return Finding(name, GOOD if right else BAD, found, "" if right else remedy)
+    return Finding(name, GOOD, found) if right else Finding(name, BAD, found, remedy)
+
+
+def _compiled(console: Console) -> Finding:
+    """Compile all kernels that are not in the cache."""
+    bad = partial(Finding, "compilation", BAD)
+    try:
+        names, start = to_compile(), time.monotonic()
+        with console.progress("doctor") as progress:
+            progress.stage("compiling", len(names))
+            for number, (kernel, error) in enumerate(compile_all(names, processors(), console.note), 1):
+                if error is not None:
+                    return bad(f"{kernel}: {error}", "close other programs, and run it again")
+                progress.advance()
+                progress.remark(f"compiled kernel {number} of {len(names)}")
+        if missing := to_compile():
+            return bad(f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
+    except ModuleNotFoundError as error:
+        return bad(f"needs {error.name}, which is not installed", ALL)
+    except RuntimeError:
+        return bad("there is no folder to keep compiled kernels in", CACHE_REMEDY)
+    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"
+    return Finding("compilation", GOOD, took)
 
 
 def _program() -> Iterator[Finding]:
@@ -142,8 +141,7 @@ def _packages() -> Iterator[Finding]:
 def _package(name: str, least: str, extra: str) -> Finding:
     remedy, needed_by = _EXTRAS[extra]
     if (found := package_version(name)) is None:
-        state = MISSING if extra else BAD
-        return Finding(name, state, f"not installed: {needed_by}", remedy)
+        return Finding(name, MISSING if extra else BAD, f"not installed: {needed_by}", remedy)
     if _numbers(found) < _numbers(least):
         return Finding(name, BAD, f"{found}, older than {least}", f"pip install '{name}>={least}'")
     try:
@@ -165,14 +163,15 @@ _OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "
 
 def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
-    installed = {name: found for name in _OPENCV if (found := package_version(name))}
+    installed = {name: version for name in _OPENCV if (version := package_version(name))}
+    versions = " and ".join(f"{name} {version}" for name, version in installed.items())
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: burst, calibrate (finding a chart)", ALL)
-        return
-    said = " and ".join(f"{name} {found}" for name, found in installed.items())
-    remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
-    alone = len(installed) == 1
-    yield _judged("OpenCV", alone, said if alone else f"{said} overwrite each other", remedy)
+    elif len(installed) == 1:
+        yield Finding("OpenCV", GOOD, versions)
+    else:
+        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
+        yield Finding("OpenCV", BAD, f"{versions} overwrite each other", remedy)
 
 
 def _preview() -> Iterator[Finding]:
@@ -195,7 +194,9 @@ def _preview() -> Iterator[Finding]:
 
 
 def _kernels() -> Iterator[Finding]:
-    wrong = ""
+    bad = partial(
+        Finding, "kernel cache", BAD, remedy=f"{CACHE_REMEDY}: otherwise every run compiles again, for about half a minute"
+    )
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
@@ -204,11 +205,12 @@ def _kernels() -> Iterator[Finding]:
     except ModuleNotFoundError:  # reported with the packages
         return
     except RuntimeError:
-        wrong = "there is no folder that can be written to"
+        yield bad("there is no folder that can be written to")
     except OSError as error:
-        wrong = f"{folder}: {error.strerror or error}"
-    found = wrong or f"{folder}, {compiled} compiled{'' if compiled else ': the first render does it'}"
-    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute")
+        yield bad(f"{folder}: {error.strerror or error}")
+    else:
+        first = "" if compiled else ": the first render does it"
+        yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled{first}")
 
 
 def _machine() -> Iterator[Finding]:
