@@ -27,7 +27,6 @@ from .options import add, add_noise, count, names, numbers, protocol_of
 if TYPE_CHECKING:
     from ..evaluation.study import Cell, Study
     from ..evaluation.team import Team
-    from ..evaluation.tiles import Tile
 
 _SEED = 0  # of the noise
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
@@ -118,6 +117,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     from ..evaluation.methods import choose, default_names, missing_packages
     from ..evaluation.scene_sets import Reading
     from ..evaluation.study import Study
+    from ..evaluation.tiles import Tile, distinct_tiles
 
     protocol, wanted = protocol_of(arguments)
     levels = protocol.levels(wanted)
@@ -127,7 +127,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
-    tiles = _tiles(arguments)
+    tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
     chosen = tuple(each.name for each in methods)
@@ -135,13 +135,6 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
     console.note(*study.remarks())
     return study, failures, left_out
-
-
-def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
-    """The patterns of --pattern, each once."""
-    from ..evaluation.tiles import Tile, chosen_tiles
-
-    return chosen_tiles([], [Tile.named(read_pattern(text), text) for text in arguments.pattern])
 
 
 def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:

@@ -45,13 +45,8 @@ class Histogram(NamedTuple):
 
     def quantiles(self) -> Quantiles:
         """The four QUANTILES, dB, to within a bin."""
-        reached = np.cumsum(self.counts)
-        wanted = np.array(QUANTILES) * (reached[-1] - 1)
-        places = np.searchsorted(reached, wanted, side="right")
-        before = reached[places] - self.counts[places]
-        within = (wanted - before + 0.5) / self.counts[places]
-        decibels = _LOWEST + (self.bins[places] + within) * _STEP
-        lowest, low, middle, high = np.minimum(decibels, CAP).tolist()
+        middles = np.minimum(_LOWEST + (self.bins + 0.5) * _STEP, CAP)
+        lowest, low, middle, high = np.quantile(middles, QUANTILES, weights=self.counts, method="inverted_cdf").tolist()
         return lowest, low, middle, high
 
 

@@ -16,7 +16,7 @@ from panchroma.tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figure
 from panchroma.tools.evaluation.measures import Measures
 from panchroma.tools.evaluation.study import Cell, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
-from panchroma.tools.evaluation.tiles import Tile, chosen_tiles
+from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.evaluation.verdict import FEW, judge
 from panchroma.tools.simulation.noise import PaperProtocol
 from tests.tools.evaluation.examples import KODAK, measured, study_of
@@ -138,7 +138,7 @@ def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
 
 
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, tiles=chosen_tiles([4, 6], [KODAK])), tmp_path)
+    figures = measured(study_of(tmp_path, tiles=(Tile.of_period(4), Tile.of_period(6), KODAK)), tmp_path)
     document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"]))
     rows = list(csv.DictReader(io.StringIO(encode_csv(figures).decode())))
     # Two scenes and their pool, two levels, two rivals and ours with three patterns.

@@ -9,7 +9,7 @@ from panchroma.tools.evaluation.measures import PLANES, WINDOW, Histogram, Measu
 from panchroma.tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality
 from tests.tools.evaluation.examples import pair
 
-BIN = 0.0021  # dB: a bin, and rounding
+BIN = 0.0041  # dB: two bins, and rounding
 
 
 def literal(rendered: FloatArray, truth: FloatArray, patch: int, border: int) -> DoubleArray:
