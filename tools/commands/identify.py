@@ -6,7 +6,6 @@ panchromatic ones (W) are the brightest. Which of two colours is red and which i
 """
 
 import argparse
-from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -88,31 +87,35 @@ def _in_file(source: str, max_pixels: int) -> CodeArray:
 
 def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     """The facts as the rows of a table for people."""
-    sites, clear = facts["period"] ** 2, len(facts["panchromatic"])
-    gap = f"{clear} of {sites} sites; the next are {100 * facts['gap']:.0f} % of the range darker" if clear else "no site"
-    if not clear and facts["open"]:
-        gap = "not known: the brightest sites do not read the same, or not the sum of the others"
+    clear, is_open = len(facts["panchromatic"]), facts["open"]
+    panchromatic = "no site"
+    if clear:
+        panchromatic = f"{clear} of {facts['period'] ** 2} sites; the next are {100 * facts['gap']:.0f} % of the range darker"
+    elif is_open:
+        panchromatic = "not known: the brightest sites do not read the same, or not the sum of the others"
+    first, *others = facts["letters"]
     rows = [
         ("size", f"{facts['width']} x {facts['height']} pixels"),
         ("period", f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance"),
-        ("panchromatic", gap),
-        ("letters", f"{facts['letters'][0]}   from the first pixel on"),
-        *(("", row) for row in facts["letters"][1:]),
+        ("panchromatic", panchromatic),
+        ("letters", f"{first}   from the first pixel on"),
+        *(("", row) for row in others),
         ("name", facts["name"] or "none that Panchroma knows"),
     ]
     if facts["separation"]:
         rows.append(("colours", f"differ {min(facts['separation'], 1000):.0f} times more than sites of one colour do"))
-    if len({*facts["letters"]}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
+    if len({first, *others}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
-    unknown = ""
-    if facts["open"]:
-        unknown = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
-        unknown += ": take a picture with more colour or light"
+    if is_open:
+        what = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        rows.append(("not known", f"{what}: take a picture with more colour or light"))
     elif facts["name"] == "Bayer":
-        unknown = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
+        what = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
+        rows.append(("not known", what))
     elif facts["exchangeable"]:
-        unknown = "which of the colours with equally many sites is which: a picture of something red shows it"
-    return [*rows, *([("not known", unknown)] if unknown else []), *_next_rows(facts)]
+        what = "which of the colours with equally many sites is which: a picture of something red shows it"
+        rows.append(("not known", what))
+    return [*rows, *_next_rows(facts)]
 
 
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
@@ -123,8 +126,9 @@ def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         return []
     if facts["pattern"] is None:
         return [("go on", "Panchroma cannot use this tile: a colour site is too far from panchromatic pixels")]
-    fitting = ("--pattern {} --origin {},{}".format(name, *origin) for name, origin in (facts["pattern"], *facts["alternatives"]))
-    rows = list(zip(chain(["go on"], repeat("or")), fitting, strict=False))
+    fitting = [facts["pattern"], *facts["alternatives"]]
+    rows = [("or", f"--pattern {name} --origin {row},{column}") for name, (row, column) in fitting]
+    rows[0] = "go on", rows[0][1]
     if not facts["name"]:
         rows.append(("", "the letters say which sites are alike; put those of the real filters in their place"))
     return rows
