@@ -3,9 +3,9 @@
 import argparse
 from collections.abc import Iterable
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
-from ...shared import Camera, CfaPattern
 from ..batch.console import to_stdout
 from ..batch.signals import starting_service
 from ..capture.genicam import GENICAM, connected
@@ -87,9 +87,4 @@ def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
     given = options_of(arguments, (each.name for each in fields(SourceOptions)[1:]), arguments.source)
     with starting_service():
-        return open_source(given, lambda known: _described(arguments, known))
-
-
-def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern]:
-    """Return the camera and the pattern. known: that which the camera itself states."""
-    return camera_of(arguments, known)
+        return open_source(given, partial(camera_of, arguments))
