@@ -6,7 +6,6 @@ own results are measured. --overwrite measures all of them again.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from ..evaluation.team import Team
 
 _SEED = 0  # of the noise
-_PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 
 USAGE = "SCENE ... -o DIR"
 EXAMPLE = "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
@@ -71,7 +69,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / name for name in (_PAGE, _JSON, _CSV)]
+    outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv")]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
         try:
             refuse_existing(outputs)
@@ -79,8 +77,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    results_folder = folder.absolute() if arguments.scheduler else folder
-    todo, there = missing_cells(study, results_folder, anew=arguments.overwrite)
+    todo, there = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
@@ -88,23 +85,25 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
-        failures += replace(team, scheduler=arguments.scheduler).measure(study, results_folder, todo)
+        failures += team.measure(study, folder, todo, arguments.scheduler)
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
-    results = collect(study, folder)
-    figures = Figures(study, results)
-    program = f"panchroma {program_version()}"
+    figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
     try:
         exhibits = render_crops(figures, team)
     except InputError as error:  # a file that has changed since it was measured
         console.error(str(error))
         failures, exhibits = [*failures, str(error)], []
     named_files = [*arguments.scenes, *arguments.rival]
-    page = build_page(figures, exhibits, program, [without_folders(line, named_files) for line in (*failures, *left_out)])
-    contents = {_PAGE: page, _JSON: encode_json(figures, program, failures, left_out), _CSV: encode_csv(figures)}
-    for path in outputs:
-        write_durably(path, contents[path.name], overwrite=arguments.overwrite or arguments.resume)
+    missing = [without_folders(line, named_files) for line in (*failures, *left_out)]
+    contents = (
+        build_page(figures, exhibits, program, missing),
+        encode_json(figures, program, failures, left_out),
+        encode_csv(figures),
+    )
+    for path, content in zip(outputs, contents, strict=True):
+        write_durably(path, content, overwrite=arguments.overwrite or arguments.resume)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
@@ -141,7 +140,8 @@ def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console)
     """Print the work of a --dry-run."""
     for cell in todo:
         console.say(cell.title)
-        facts = {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
-        console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
+        facts = {"source": cell.scene.source, "level": cell.level.level, "method": cell.method}
+        facts |= {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
+        console.record(**facts, dry_run=True)
     console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0
