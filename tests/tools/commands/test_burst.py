@@ -85,15 +85,11 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     for shot, (x, y) in zip(shots, places, strict=True):
         light = scene[y : y + 120, x : x + 170]
         save_mosaic(shot, simulate_additive(light, *sensor, 0.0, np.random.default_rng(0)))
-    found = {}
-    for sign in (1, -1):
-        shifts = [f"{sign * x},{sign * y}" for x, y in places]
-        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", " ".join(shifts), code=0)
-        assert outcome.records[0]["reference"] == str(shots[0])
-        found[sign] = psnr(tifffile.imread(out / "step.tif"), scene[:120, :170])
-    alone = psnr(render(read_dng(shots[0]), UNLEARNED).rgb, scene[:120, :170])
-    assert found[1] > alone + 3
-    assert found[1] > found[-1] + 3
+    shifts = " ".join(f"{x},{y}" for x, y in places)
+    outcome = run("burst", *shots, "-o", out, *MEASURED, "--json", "--shifts", shifts, code=0)
+    assert outcome.records[0]["reference"] == str(shots[0])
+    alone, truth = render(read_dng(shots[0]), UNLEARNED).rgb, scene[:120, :170]
+    assert psnr(tifffile.imread(out / "step.tif"), truth) > psnr(alone, truth) + 3
 
 
 # --- which frames ---------------------------------------------------------------------------------------------------------------

@@ -65,7 +65,6 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
     np.save(tmp_path / "bayer.npy", taken(SCENE, tile_of("RG/GB")))
     np.save(tmp_path / "grey.npy", taken(SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2), tile_of("K=4")))
     bayer, grey, sony = run("identify", *sorted(tmp_path.glob("*.npy")), code=0).out.split(".npy\n")[1:]
-    assert "period        4 pixels" in sony
     assert "panchromatic  8 of 16 sites" in sony
     assert "go on         --pattern sony --origin" in sony
     assert "panchromatic  no site" in bayer
@@ -114,19 +113,14 @@ def test_a_shot_and_raws_of_other_cameras_are_read(tmp_path: Path) -> None:
 
 
 def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
-    path, odd = tmp_path / "frames.bin", tmp_path / "odd.bin"
+    path = tmp_path / "frames.bin"
     path.write_bytes(padded(SONY, 8) * 2)
-    odd.write_bytes(padded(SONY, 11) * 2)
     layout = (*SIZE, "--pixel-format", "Y12", "--stride", str(2 * SONY.shape[1] + 16))
     with path.open("rb") as stream, patch("sys.stdin", stream):
         for source in (path, "-"):
             assert run("identify", source, *layout, "--json", code=0).records[0]["letters"] == list(LETTERS)
-    for file, arguments, words in (
-        (path, layout[:-2], "likely `stride=448`"),
-        (odd, layout[:-2], "stripes is rare: size, format or stride may be another"),
-    ):
-        outcome = run("identify", file, *arguments)
-        assert words in outcome.out + outcome.err
+    path.write_bytes(padded(SONY, 11) * 2)
+    assert "stripes is rare: size, format or stride may be another" in run("identify", path, *layout[:-2]).out
 
 
 @pytest.mark.parametrize(
