@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
     if arguments.corners and len(files["shots"]) != 1:
         raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
-    corners: Matrix | None = tuple(arguments.corners) if arguments.corners else None
+    corners: Matrix | None = tuple(arguments.corners or ()) or None
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
@@ -155,7 +155,8 @@ def _write(output: Path, result: "Result", old: Camera | None, console: Console,
 
     camera, verdict = result.camera, result.verdict
     if camera is None:
-        return _refused(output, f"{result.refusal}; no camera file was written", console, verdict=verdict, facts=result.facts)
+        error = f"{result.refusal}; no camera file was written"
+        return _refused(output, error, console, verdict=verdict, facts=result.facts)
     if (kept := write_camera(output, camera, overwrite=replace_existing)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
@@ -163,8 +164,8 @@ def _write(output: Path, result: "Result", old: Camera | None, console: Console,
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
-    name = calibration.sensor or "unnamed sensor"
-    console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")
-    warnings = [*result.contradictions, *result.warnings]
-    console.record(source=str(output), ok=True, verdict=verdict, warnings=warnings, camera=camera.to_json(), id=calibration.id)
+    known = f"{calibration.sensor or 'unnamed sensor'}, gamma {figures(calibration.gamma)}, measured: {parts}"
+    console.say(f"{output}: {known}, id {calibration.id}; {verdict}")
+    facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
+    console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)
     return FAILED if result.seen.skipped else 0
