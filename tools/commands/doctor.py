@@ -110,8 +110,8 @@ def _compiled(console: Console) -> Finding:
 
 def _program() -> Iterator[Finding]:
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
-    found = f"{platform.python_version()} ({sys.executable})"
-    yield _judged("Python", sys.version_info >= (3, 11), found, "use Python 3.11 or newer")
+    python = f"{platform.python_version()} ({sys.executable})"
+    yield _judged("Python", sys.version_info >= (3, 11), python, "use Python 3.11 or newer")
 
 
 # Extra -> how it is installed, and what needs its packages.
@@ -129,28 +129,28 @@ def _packages() -> Iterator[Finding]:
     """The packages that pyproject.toml asks for, as the installation knows it."""
     temporary_font_folder()
     try:
-        wanted = [found.groups(default="") for each in requires("panchroma") or () if (found := _REQUIREMENT.match(each))]
+        matches = map(_REQUIREMENT.match, requires("panchroma") or ())
     except PackageNotFoundError:
         yield Finding("packages", BAD, "Panchroma is not installed here: they are not known", ALL)
         return
-    for name, least, extra in wanted:
+    for name, least, extra in (match.groups(default="") for match in matches if match):
         if extra in _EXTRAS and not name.startswith("opencv"):
             yield _package(name, least, extra)
 
 
 def _package(name: str, least: str, extra: str) -> Finding:
     remedy, needed_by = _EXTRAS[extra]
-    if (found := package_version(name)) is None:
+    if (version := package_version(name)) is None:
         return Finding(name, MISSING if extra else BAD, f"not installed: {needed_by}", remedy)
-    if _numbers(found) < _numbers(least):
-        return Finding(name, BAD, f"{found}, older than {least}", f"pip install '{name}>={least}'")
+    if _numbers(version) < _numbers(least):
+        return Finding(name, BAD, f"{version}, older than {least}", f"pip install '{name}>={least}'")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
-        return Finding(name, BAD, f"{found} cannot be imported: {error}", f"pip install --force-reinstall {name}")
-    return Finding(name, GOOD, found)
+        return Finding(name, BAD, f"{version} cannot be imported: {error}", f"pip install --force-reinstall {name}")
+    return Finding(name, GOOD, version)
 
 
 def _numbers(text: str) -> tuple[int, ...]:

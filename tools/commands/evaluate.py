@@ -118,8 +118,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     from ..evaluation.study import Study
     from ..evaluation.tiles import Tile, distinct_tiles
 
-    protocol, wanted = protocol_of(arguments)
-    levels = protocol.levels(wanted)
+    protocol, requested = protocol_of(arguments)
+    levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
     place = absolute_path if arguments.scheduler else str
@@ -129,8 +129,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
     scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
-    chosen = tuple(each.name for each in methods)
-    networks = tuple((each.name, each.file) for each in methods if each.file)
+    chosen = tuple(method.name for method in methods)
+    networks = tuple((method.name, method.file) for method in methods if method.file)
     study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
     console.note(*study.remarks())
     return study, failures, left_out

@@ -79,12 +79,12 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
 
 def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str) -> SourceOptions:
     """Return the description of a source with these of its fields as the options set them."""
-    given = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
-    return SourceOptions(source, **{name: given[name] for name in names})
+    settings = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
+    return SourceOptions(source, **{name: settings[name] for name in names})
 
 
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
-    given = options_of(arguments, (each.name for each in fields(SourceOptions)[1:]), arguments.source)
+    options = options_of(arguments, (field.name for field in fields(SourceOptions)[1:]), arguments.source)
     with starting_service():
-        return open_source(given, partial(camera_of, arguments))
+        return open_source(options, partial(camera_of, arguments))

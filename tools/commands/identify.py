@@ -45,10 +45,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        given = options_of(arguments, LAYOUT, job.source)
-        described = given != SourceOptions(job.source) or job.source == STREAM
+        options = options_of(arguments, LAYOUT, job.source)
+        described = options != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
-        data, layout = first_frame(given) if described else (b"", None)
+        data, layout = first_frame(options) if described else (b"", None)
         codes = layout.unpack(data) if layout else _in_file(job.source, pixel_limit())
 
         def likely() -> str:
@@ -71,8 +71,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     jobs = [Job(name) for name in arguments.files]
     if arguments.output is not None:
-        found, folder = [Source(name) for name in arguments.files], output_folder(arguments.output)
-        jobs = plan(found, lambda name: [f"{Path(name).stem}-tile.png"], folder)
+        sources, folder = [Source(name) for name in arguments.files], output_folder(arguments.output)
+        jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
 
 

@@ -45,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
-    found, limit = search(arguments.shots, DNGS), pixel_limit()
-    searched = found.report(console)
-    jobs = [Job(source.name, found=source.found) for source in found.sources]
+    files, limit = search(arguments.shots, DNGS), pixel_limit()
+    searched = files.report(console)
+    jobs = [Job(source.name, found=source.found) for source in files.sources]
     code = (_verify if arguments.verify else _show)(jobs, limit, console)
     return code if searched else FAILED
 
@@ -129,7 +129,7 @@ def _camera(source: str) -> tuple[dict[str, Any], Rows]:
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
     pattern, calibration = mosaic.pattern, mosaic.calibration
     clear = pattern.panchromatic_mask(mosaic.shape)
-    panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
+    panchromatic, read = mosaic.signal[clear], mosaic.evenly_shaded().signal[clear]
     metadata, network = mosaic.metadata, network_for(pattern)
     return {
         "width": mosaic.shape[1],
@@ -192,7 +192,7 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "gamma": f"{_values(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
         "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
-        **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_values(each['neutral'])}" for each in lights},
+        **{f"  {light['illuminant']}": f"{_matrix(light['camera_to_xyz'])}; white {_values(light['neutral'])}" for light in lights},
         "neutral": (_values(document["neutral"]) if document["neutral"] else "unknown") + estimated,
     }
     if "shading" in document:

@@ -141,10 +141,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; {same}")
         return Outcome(facts, tuple(lines))
 
-    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
-    searched = found.report(console)
+    scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
+    searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
-    jobs = plan(found.sources, names, folder)
+    jobs = plan(scenes.sources, names, folder)
     code = run_jobs(jobs, work, console, overwrite=arguments.overwrite, listen=lambda job: console.progress(job.source))
     console.notes(notes)
     return code if searched else FAILED
