@@ -30,9 +30,11 @@ def _shifts(text: str) -> tuple[tuple[float, ...], ...]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma burst`."""
-    parser.add_argument("shots", metavar="SHOT", nargs="+", help="the DNGs of one series, or a folder with them in it or below")
+    shots = "the DNGs of one series, or a folder with them in it or below"
+    parser.add_argument("shots", metavar="SHOT", nargs="+", help=shots)
     add(parser, "output", help="folder for STEM.EXT, created if missing")
-    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")
+    reference = "the frame that the picture shows (default: the first of the sharpest)"
+    parser.add_argument("--reference", metavar="SHOT", help=reference)
     shifts = (
         "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down: X,Y for each shot, "
         "with blanks between them; nothing is aligned then, and the reference is the first shot by default"

@@ -45,24 +45,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shots = "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below"
     parser.add_argument("shots", metavar="SHOT", nargs="*", help=shots)
     add(parser, "output", metavar="FILE", help="camera.json to write")
-    frames = {
-        "dark": "a frame with the lens covered: black level, read noise, defects",
-        "flat": "an evenly lit frame: shading; two of each exposure: gain, read noise",
-    }
-    for kind, shown in frames.items():
-        repeated = f"{shown}; or a folder of them; repeat it for more"
-        parser.add_argument(f"--{kind}", metavar="F", action="append", default=[], help=repeated)
+    repeated: dict[str, Any] = {"action": "append", "default": []}
+    more = "; or a folder of them; repeat it for more"
+    dark = f"a frame with the lens covered: black level, read noise, defects{more}"
+    parser.add_argument("--dark", metavar="F", **repeated, help=dark)
+    flat = f"an evenly lit frame: shading; two of each exposure: gain, read noise{more}"
+    parser.add_argument("--flat", metavar="F", **repeated, help=flat)
     light = (
         "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder "
         "of them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
     )
-    parser.add_argument("--chart-light", metavar="LIGHT=F", action="append", default=[], type=_light, help=light)
+    parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
     corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
-    parser.add_argument("--corners", metavar="X,Y", nargs=4, type=numbers(2, "12,34.5"), help=corners)
+    place = numbers(2, "12,34.5")
+    parser.add_argument("--corners", metavar="X,Y", nargs=4, type=place, help=corners)
     colours = "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
     parser.add_argument("--chart", metavar="FILE", help=colours)
-    parser.add_argument("--sensor", metavar="NAME", type=text, help="name of the sensor (default: the name in the shots)")
-    parser.add_argument("--report", metavar="DIR", help="folder for report.html, created if missing")
+    sensor = "name of the sensor (default: the name in the shots)"
+    parser.add_argument("--sensor", metavar="NAME", type=text, help=sensor)
+    report = "folder for report.html, created if missing"
+    parser.add_argument("--report", metavar="DIR", help=report)
     update = "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
     parser.add_argument("--update", action="store_true", help=update)
     add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")

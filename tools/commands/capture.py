@@ -36,8 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma capture`."""
     add_source(parser)
     add(parser, "output", help="folder for the shots, created if missing")
-    parser.add_argument("--frames", metavar="N", type=count, help="stop after N shots (default: when the stream ends)")
-    parser.add_argument("--burst", metavar="N", type=count, help="save one burst of N frames, all or none, and stop")
+    shots = "stop after N shots (default: when the stream ends)"
+    parser.add_argument("--frames", metavar="N", type=count, help=shots)
+    burst = "save one burst of N frames, all or none, and stop"
+    parser.add_argument("--burst", metavar="N", type=count, help=burst)
     add(parser, "latest", "json")
 
 

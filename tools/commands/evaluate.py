@@ -52,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
     rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed; repeat it for more"
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
-    what.add_argument("--crop", metavar="PIXELS", type=count, help="use only the middle of each scene, for a quick look")
+    crop = "use only the middle of each scene, for a quick look"
+    what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
     run_ = parser.add_argument_group("the run")
     add(run_, "jobs", help="processes at a time (default: one per core, as memory allows)")
     add(run_, "scheduler", "max-memory", "resume", "overwrite", "dry-run")

@@ -41,7 +41,8 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "builtin:WIDTHxHEIGHT@FPS"
     )
     parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
-    frames = add_layout(parser, "the frames of a stream or folder (rpicam-raw prints all this when it starts)")
+    title = "the frames of a stream or folder (rpicam-raw prints all this when it starts)"
+    frames = add_layout(parser, title)
     add(frames, "sensor-bits")
     black = (
         "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
@@ -53,16 +54,18 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "them wrong are refused"
     )
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
-    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
-    camera = parser.add_argument_group("the camera (`panchroma identify` finds pattern and origin in one raw frame)")
-    add(camera, "camera", "pattern", "origin")
-    settings = parser.add_argument_group(
-        "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
-    )
+    new = "skip frames that are in the folder already"
+    frames.add_argument("--new", action="store_true", help=new)
+    title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
+    add(parser.add_argument_group(title), "camera", "pattern", "origin")
+    title = "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
+    settings = parser.add_argument_group(title)
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
-    settings.add_argument("--gain", metavar="N", type=float, help="in the camera's unit, mostly dB (default: as it is set)")
-    settings.add_argument("--fps", metavar="N", type=amount, help="frames a second (default: as it is set)")
+    gain = "in the camera's unit, mostly dB (default: as it is set)"
+    settings.add_argument("--gain", metavar="N", type=float, help=gain)
+    rate = "frames a second (default: as it is set)"
+    settings.add_argument("--fps", metavar="N", type=amount, help=rate)
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:

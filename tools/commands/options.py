@@ -88,6 +88,7 @@ _PATTERN = (
     f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
     "or a file with them, one row on each line (default: K=6, or the camera's)"
 )
+_RECALIBRATED = "camera.json: the calibration of the sensor, in place of the one in the shots"
 _SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
 _SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
@@ -99,6 +100,7 @@ _SHARED = {
     "dry-run": _switch("-n --dry-run", "write nothing, only say what would be done"),
     "json": _switch("--json", "print one JSON object per result to stdout"),
     "camera": _option("--camera", "FILE", "camera.json: the calibration of the sensor", type=file_name),
+    "recalibrate": _option("--camera", "FILE", _RECALIBRATED, type=file_name),
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
     "origin": _option("--origin", "ROW,COLUMN", "position of the first block (default: 0,0)", type=_origin),
     "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),

@@ -26,13 +26,12 @@ EXAMPLE = "panchroma preview shots -o previews --scale 2"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
     add_shots(parser)
-    add(parser, "output", required=False, help="folder for STEM.jpg (subfolders are kept), created if missing")
+    folder = "folder for STEM.jpg (subfolders are kept), created if missing"
+    add(parser, "output", required=False, help=folder)
     export = "write the graph for the pattern of one SHOT; without -o nothing else"
     parser.add_argument("--export", metavar="FILE.onnx", type=file_name, help=export)
     add(parser, "scale", default=1)
-    add(parser, "quality")
-    add(parser, "camera", help="camera.json: the calibration of the sensor, in place of the one in the shots")
-    add(parser, "overwrite", "json")
+    add(parser, "quality", "recalibrate", "overwrite", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:

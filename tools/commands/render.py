@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", help="folder for STEM.EXT (subfolders are kept), created if missing")
     add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
-    add(group, "jobs", help="processes at a time (default: 1, or for many shots what cores and memory allow)")
+    jobs = "processes at a time (default: 1, or for many shots what cores and memory allow)"
+    add(group, "jobs", help=jobs)
     add(group, "scheduler")
     add(parser, "json")
 
