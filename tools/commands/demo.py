@@ -45,9 +45,10 @@ _WIDTH, _HEIGHT, _SEED = 1200, 800, 0
 _NOISE = PaperProtocol(0.01)
 _FOLDER = "panchroma-demo"
 _FRAMES, _MOTION = 8, (3.0, 0.3)  # of a burst; pixels and degrees
-_DRAWN, _PIXEL = (1800, 1200), 2  # the scene of a burst, and how many of its pixels, each way, are one of the sensor
-_RESULTS: tuple[str, ...] = ("shot.dng", "preview.jpg", "render.png", "render.tif", "truth.tif", "overview.png", "comparison.png")
-_BURST_RESULTS = ("frame.png", "burst.png", "burst.tif", "truth.tif", "comparison.png")
+# The scene of a burst, and how many of its pixels, each way, are one of the sensor.
+_DRAWN, _PIXEL = (1800, 1200), 2
+_PICTURES = "shot.dng preview.jpg render.png render.tif truth.tif overview.png comparison.png"
+_BURST_PICTURES = "frame.png burst.png burst.tif truth.tif comparison.png"
 _MEASURED = PictureKind("tif", 32, "camera")
 _BAYER, _PAPER, _BEST = "Bayer, bilinear", "Panchroma, paper", "Panchroma, best"
 # Parts of the scene at its size above: (row, column) of the first pixel.
@@ -55,6 +56,8 @@ _OVERVIEW = (429, 132)
 _CROPS = {"Siemens star": (604, 484), "fine strokes": (676, 944), "leaves": (150, 640)}
 _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seeds": (152, 340)}
 
+Crops = dict[str, tuple[int, int]]
+"""Name of a part of the scene -> row and column of its first pixel."""
 Medians = dict[str, tuple[float, float, float]]
 """Name of a method -> its median PSNR in RGB, luminance and chrominance, dB."""
 
@@ -66,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma demo`."""
     results = f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)"
     add(parser, "output", required=False, help=results)
-    parser.add_argument("--burst", action="store_true", help=f"merge a hand-held series of {_FRAMES} frames")
+    burst = f"merge a hand-held series of {_FRAMES} frames"
+    parser.add_argument("--burst", action="store_true", help=burst)
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -75,23 +79,23 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     unused = next(name for name in names if not Path(name).exists())
     folder = output_folder(unused if arguments.output is None else arguments.output)
     shots = [f"{frame_name('frame', number + 1, _FRAMES)}.dng" for number in range(_FRAMES)]
-    results = (*_BURST_RESULTS, *shots) if arguments.burst else _RESULTS
+    results = [*_BURST_PICTURES.split(), *shots] if arguments.burst else _PICTURES.split()
     show = partial(_show_burst, shots) if arguments.burst else _show_shot
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        medians = show(folder, console)
         lines = [
             f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}",
             f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
-            *(f"{name:18}{rgb:8.1f}{luminance:12.1f}{colour:13.1f}" for name, (rgb, luminance, colour) in medians.items()),
         ]
+        for name, (rgb, luminance, colour) in show(folder, console).items():
+            lines.append(f"{name:18}{rgb:8.1f}{luminance:12.1f}{colour:13.1f}")
         return Outcome(lines=(*lines, f"{folder}: {', '.join(results)}"))
 
     return run_jobs([Job("demo", tuple(folder / name for name in results))], work, console)
 
 
 def _show_shot(folder: Path, console: Console) -> Medians:
-    """Run the chain for one shot, and write _RESULTS."""
+    """Run the chain for one shot, and write its pictures."""
     from ..io.illustrations import overview
 
     scene = builtin_scene(_WIDTH, _HEIGHT)
@@ -101,7 +105,8 @@ def _show_shot(folder: Path, console: Console) -> Medians:
     console.note(f"the camera's own preview is ready: {preview}")
     with console.progress("demo") as progress:
         paper, best = renderings(mosaic, ("paper", "best"), progress)
-    bayer = demosaic_bilinear(_NOISE.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
+    shot = _NOISE.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED))
+    bayer = demosaic_bilinear(shot.samples)
     _save(folder, mosaic, {"render.png": best.rgb, "render.tif": best.rgb, "truth.tif": scene.rgb})
     _draw(folder / "overview.png", overview(mosaic, best.luminance, best.rgb, _OVERVIEW))
     compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
@@ -110,16 +115,18 @@ def _show_shot(folder: Path, console: Console) -> Medians:
 
 
 def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
-    """Simulate a burst, merge it, and write _BURST_RESULTS and the shots of these names."""
+    """Simulate a burst, merge it, and write its pictures and the shots of these names."""
     scene = builtin_scene(*_DRAWN)
-    frames = list(burst_frames(scene.rgb, SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED), _PIXEL))
-    shots = enumerate(zip(frames, names, strict=True))
-    mosaics = [_photographed(scene, frame, folder / name, number) for number, (frame, name) in shots]
+    burst, hand = SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED)
+    frames = list(burst_frames(scene.rgb, burst, hand, _PIXEL))
+    paths = [folder / name for name in names]
+    mosaics = [_photographed(scene, *shot, seed) for seed, shot in enumerate(zip(frames, paths, strict=True))]
     with console.progress("demo") as progress:
         one = renderings(mosaics[0], ("best",), progress)[0].rgb
         merged = merged_picture(mosaics, progress)
     truth, compared = frames[0].rgb, {"One frame": one, f"Burst of {len(names)} frames": merged}
-    _save(folder, mosaics[0], {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth})
+    pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
+    _save(folder, mosaics[0], pictures)
     _compare(folder, mosaics[0], {"truth": truth, **compared}, _BURST_CROPS)
     before, after = (quality(rgb, truth).median for rgb in compared.values())
     gain = after[0] - before[0], after[1] - before[1], after[2] - before[2]
@@ -138,14 +145,16 @@ def _save(folder: Path, mosaic: Mosaic, pictures: dict[str, FloatArray]) -> None
     """Write pictures of a shot by the names of their files: PNG for people, TIFF as measured."""
     for name, rgb in pictures.items():
         kind = PictureKind.of("png") if name.endswith(".png") else _MEASURED
-        write_picture(folder / name, [rgb], Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata))
+        development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
+        write_picture(folder / name, [rgb], development)
 
 
-def _compare(folder: Path, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: dict[str, tuple[int, int]]) -> None:
+def _compare(folder: Path, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: Crops) -> None:
     from ..io.illustrations import comparison
 
     transform = ColourTransform.to_space(mosaic.calibration)
-    _draw(folder / "comparison.png", comparison({name: transform.apply(rgb) for name, rgb in pictures.items()}, crops))
+    shown = {name: transform.apply(rgb) for name, rgb in pictures.items()}
+    _draw(folder / "comparison.png", comparison(shown, crops))
 
 
 def _draw(path: Path, figure: "Image") -> None:

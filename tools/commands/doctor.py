@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
 from itertools import takewhile
@@ -57,10 +57,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
         if finding.remedy:
             console.say(f"{'':{width + 8}}-> {finding.remedy}")
-        console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
+        facts = finding._asdict()
+        console.record(check=facts.pop("name"), ok=finding.state != BAD, **facts)
     wrong = sum(finding.state == BAD for finding in findings)
     missing = sum(finding.state == MISSING for finding in findings)
-    console.say(f"{wrong} wrong, {missing} optional things missing" if wrong or missing else "all is well")
+    counted = f"{wrong} wrong, {missing} optional things missing"
+    console.say(counted if wrong or missing else "all is well")
     return FAILED if wrong else 0
 
 
@@ -93,19 +95,21 @@ def _compiled(console: Console) -> Finding:
         names, start = to_compile(), time.monotonic()
         with console.progress("doctor") as progress:
             progress.stage("compiling", len(names))
-            for number, (kernel, error) in enumerate(compile_all(names, processors(), console.note), 1):
+            compiled = compile_all(names, processors(), console.note)
+            for number, (kernel, error) in enumerate(compiled, 1):
                 if error is not None:
                     return bad(f"{kernel}: {error}", "close other programs, and run it again")
                 progress.advance()
                 progress.remark(f"compiled kernel {number} of {len(names)}")
         if missing := to_compile():
-            return bad(f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
+            remedy = f"free some disk space, or {CACHE_REMEDY}"
+            return bad(f"could not keep {', '.join(missing)}", remedy)
     except ModuleNotFoundError as error:
         return bad(f"needs {error.name}, which is not installed", ALL)
     except RuntimeError:
         return bad("there is no folder to keep compiled kernels in", CACHE_REMEDY)
-    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"
-    return Finding("compilation", GOOD, took)
+    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s"
+    return Finding("compilation", GOOD, took if names else "all kernels were compiled already")
 
 
 def _program() -> Iterator[Finding]:
@@ -143,13 +147,15 @@ def _package(name: str, least: str, extra: str) -> Finding:
     if (version := package_version(name)) is None:
         return Finding(name, MISSING if extra else BAD, f"not installed: {needed_by}", remedy)
     if _numbers(version) < _numbers(least):
-        return Finding(name, BAD, f"{version}, older than {least}", f"pip install '{name}>={least}'")
+        remedy = f"pip install '{name}>={least}'"
+        return Finding(name, BAD, f"{version}, older than {least}", remedy)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
-        return Finding(name, BAD, f"{version} cannot be imported: {error}", f"pip install --force-reinstall {name}")
+        remedy = f"pip install --force-reinstall {name}"
+        return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
     return Finding(name, GOOD, version)
 
 
@@ -158,7 +164,12 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
 
 
-_OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
+_OPENCV = (
+    "opencv-python",
+    "opencv-contrib-python",
+    "opencv-python-headless",
+    "opencv-contrib-python-headless",
+)
 
 
 def _opencv() -> Iterator[Finding]:
@@ -183,20 +194,20 @@ def _preview() -> Iterator[Finding]:
         from ..batch.previews import Previews
         from ..simulation.sensor import simulate_additive
 
-        wall = np.full((24, 24, 3), 0.3, np.float32)
-        mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+        wall, sensor = np.full((24, 24, 3), 0.3, np.float32), (CfaPattern.bayer(6), SensorCalibration())
+        mosaic = simulate_additive(wall, *sensor, 0.0, np.random.default_rng(0))
         picture = Previews(threads=1)(mosaic)
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
         found = "runs" if right else "makes a wrong picture"
     except Exception as error:  # whatever it is, this check exists to find it
         right, found = False, f"does not run: {error}"
-    yield _judged("preview", right, found, "pip install --force-reinstall onnxruntime, then Panchroma")
+    remedy = "pip install --force-reinstall onnxruntime, then Panchroma"
+    yield _judged("preview", right, found, remedy)
 
 
 def _kernels() -> Iterator[Finding]:
-    bad = partial(
-        Finding, "kernel cache", BAD, remedy=f"{CACHE_REMEDY}: otherwise every run compiles again, for about half a minute"
-    )
+    remedy = f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute"
+    bad = partial(Finding, "kernel cache", BAD, remedy=remedy)
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
@@ -235,8 +246,9 @@ def _writing() -> Iterator[Finding]:
     except (OSError, PanchromaError) as error:
         yield Finding("writing", BAD, f"{place}: {error}", "set TMPDIR to another folder")
     else:
-        found = f"durable in {place}" if durable else f"whole files in {place}, whose folders cannot be synced"
-        yield _judged("writing", kept, found, "the file system does not keep what is written; use another")
+        unsynced = f"whole files in {place}, whose folders cannot be synced"
+        remedy = "the file system does not keep what is written; use another"
+        yield _judged("writing", kept, f"durable in {place}" if durable else unsynced, remedy)
 
 
-CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (_program, _packages, _opencv, _preview, _kernels, _machine, _writing)
+CHECKS = _program, _packages, _opencv, _preview, _kernels, _machine, _writing
