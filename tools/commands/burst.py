@@ -55,20 +55,24 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     names = series(found.sources)
     if len(names) < 2:
         read_dng(names[0], max_pixels=pixel_limit())  # says what is wrong with it
-        raise InputError(f"{names[0]}: is one frame, expected two or more of one scene; panchroma render renders a shot")
+        expected = "expected two or more of one scene; panchroma render renders a shot"
+        raise InputError(f"{names[0]}: is one frame, {expected}")
     shifts = arguments.shifts
     if shifts and len(shifts) != len(names):
-        raise InputError(
-            f'--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as "0,0 2,0 0,2 2,2"'
-        )
+        expected = 'expected one for each, such as "0,0 2,0 0,2 2,2"'
+        raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, {expected}")
     reference = None
     if arguments.reference is not None:
-        wanted = identity(arguments.reference) or arguments.reference
-        reference = next((index for index, name in enumerate(names) if (identity(name) or name) == wanted), None)
-        if reference is None:
-            raise InputError(f"--reference {arguments.reference}: is none of the {len(names)} shots of the burst")
+        files = [identity(name) or name for name in names]
+        file = identity(arguments.reference) or arguments.reference
+        if file not in files:
+            shots = f"the {len(names)} shots of the burst"
+            raise InputError(f"--reference {arguments.reference}: is none of {shots}")
+        reference = files.index(file)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
-    job = Job(names[0], (folder / f"{series_stem(names)}{suffix}",), all(each.found for each in found.sources), tuple(names))
+    output = folder / f"{series_stem(names)}{suffix}"
+    searched = all(source.found for source in found.sources)
+    job = Job(names[0], (output,), searched, tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
     return 0 if possible and not states["failed"] else FAILED

@@ -65,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", metavar="NAME", type=text, help=sensor)
     report = "folder for report.html, created if missing"
     parser.add_argument("--report", metavar="DIR", help=report)
-    update = "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
+    parts = "replace only those parts of FILE that these frames measure"
+    update = f"{parts}; FILE.bak keeps the old file"
     parser.add_argument("--update", action="store_true", help=update)
     add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
     add(parser, "json")
@@ -87,7 +88,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
     if arguments.corners and len(files["shots"]) != 1:
-        raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
+        number = f"{len(files['shots'])} shots are given"
+        raise InputError(f"--corners gives the place of the chart in one shot; {number}")
     corners: Matrix | None = tuple(arguments.corners or ()) or None
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
@@ -109,7 +111,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
         check_same(output, old, seen.base)
-    provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
+    today, program = datetime.now(UTC).date().isoformat(), f"panchroma {program_version()}"
+    provenance = {"date": today, "program": program}
     result = conclude(seen, provenance)
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
@@ -117,7 +120,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if folder is not None:
         write_durably(folder / "report.html", write_report(result, provenance), overwrite=True)
         console.say(f"{folder / 'report.html'}: {result.verdict}")
-    return _write(output, result, old, console, replace_existing=replace_existing)
+    return _write(output, result, old, console, replace_existing)
 
 
 def color_checker_xyz() -> DoubleArray:
@@ -150,7 +153,7 @@ def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
     return FAILED
 
 
-def _write(output: Path, result: "Result", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
+def _write(output: Path, result: "Result", old: Camera | None, console: Console, overwrite: bool) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from ..calibration.files import write_camera
     from ..calibration.samples import figures
@@ -159,7 +162,7 @@ def _write(output: Path, result: "Result", old: Camera | None, console: Console,
     if camera is None:
         error = f"{result.refusal}; no camera file was written"
         return _refused(output, error, console, verdict=verdict, facts=result.facts)
-    if (kept := write_camera(output, camera, overwrite=replace_existing)) is not None:
+    if (kept := write_camera(output, camera, overwrite=overwrite)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
         new = list(result.facts)

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ..evaluation.study import Cell, Study
     from ..evaluation.team import Team
 
+    Requested = tuple[Study, list[str], list[str]]
+
 _SEED = 0  # of the noise
 
 USAGE = "SCENE ... -o DIR"
@@ -47,7 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; "
         "C, M and Y are made of red, green and blue (default: K=6)"
     )
-    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=["K=6"], help=patterns)
+    usual = ["K=6"]
+    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
     methods = "methods to compare (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
     rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed; repeat it for more"
@@ -75,7 +78,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         try:
             refuse_existing(outputs)
         except OutputError as error:
-            raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
+            remedy = "or `resume=True` to keep the results that are up to date"
+            raise OutputError(f"{error}, {remedy}") from None
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
     todo, there = missing_cells(study, folder, anew=arguments.overwrite)
@@ -108,11 +112,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
-        console.record(source=scene.source, ok=True, group=scene.group, width=scene.columns, height=scene.rows)
+        facts = {"group": scene.group, "width": scene.columns, "height": scene.rows}
+        console.record(source=scene.source, ok=True, **facts)
     return FAILED if failures else 0
 
 
-def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
+def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Requested":
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
     from ..evaluation.methods import choose, default_names, missing_packages
     from ..evaluation.scene_sets import Reading
@@ -126,10 +131,12 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     place = absolute_path if arguments.scheduler else str
     methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
-        console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
+        reason = f"these packages are not installed: {', '.join(missing)}"
+        console.note(f"some methods are left out because {reason}")
     tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
-    scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
+    sources = list(map(place, arguments.scenes))
+    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     networks = tuple((method.name, method.file) for method in methods if method.file)
     study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)

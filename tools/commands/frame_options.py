@@ -27,9 +27,10 @@ _size = value(_width_and_height, "a width and a height, such as 4056x3040")
 class _Source(argparse.Action):
     """Stores SOURCE; for `genicam:` alone the cameras are listed, and nothing else is asked for, as with --help."""
 
-    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
         if values == GENICAM:
-            to_stdout(*(connected() or ["no camera answers: is it plugged in, and has it an address in this machine's network?"]))
+            advice = "is it plugged in, and has it an address in this machine's network?"
+            to_stdout(*(connected() or [f"no camera answers: {advice}"]))
             parser.exit()
         setattr(namespace, self.dest, values)
 
@@ -88,6 +89,7 @@ def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str)
 
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
-    options = options_of(arguments, (field.name for field in fields(SourceOptions)[1:]), arguments.source)
+    names = (field.name for field in fields(SourceOptions)[1:])
+    options = options_of(arguments, names, arguments.source)
     with starting_service():
         return open_source(options, partial(camera_of, arguments))

@@ -64,14 +64,17 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             errors.append(f"{job.source}: {own}{likely()}")
         rows = _rows(facts, hint)
         if job.outputs:
-            write_durably(job.output, tile_map(facts["letters"], np.array(facts["light"])), overwrite=arguments.overwrite)
+            picture = tile_map(facts["letters"], np.array(facts["light"]))
+            write_durably(job.output, picture, overwrite=arguments.overwrite)
             facts["output"] = str(job.output)
             rows.append(("picture", facts["output"]))
-        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)), tuple(errors))
+        lines = (f"  {name:<14}{value}" for name, value in rows)
+        return Outcome(facts, (job.source, *lines), tuple(errors))
 
     jobs = [Job(name) for name in arguments.files]
     if arguments.output is not None:
-        sources, folder = [Source(name) for name in arguments.files], output_folder(arguments.output)
+        sources = [Source(name) for name in arguments.files]
+        folder = output_folder(arguments.output)
         jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
 
@@ -92,43 +95,47 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     if clear:
         panchromatic = f"{clear} of {facts['period'] ** 2} sites; the next are {100 * facts['gap']:.0f} % of the range darker"
     elif is_open:
-        panchromatic = "not known: the brightest sites do not read the same, or not the sum of the others"
+        reason = "the brightest sites do not read the same, or not the sum of the others"
+        panchromatic = f"not known: {reason}"
     first, *others = facts["letters"]
-    rows = [
-        ("size", f"{facts['width']} x {facts['height']} pixels"),
-        ("period", f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance"),
-        ("panchromatic", panchromatic),
-        ("letters", f"{first}   from the first pixel on"),
-        *(("", row) for row in others),
-        ("name", facts["name"] or "none that Panchroma knows"),
-    ]
+    head = {
+        "size": f"{facts['width']} x {facts['height']} pixels",
+        "period": f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
+        "panchromatic": panchromatic,
+        "letters": f"{first}   from the first pixel on",
+    }
+    name = facts["name"] or "none that Panchroma knows"
+    rows = [*head.items(), *(("", row) for row in others), ("name", name)]
     if facts["separation"]:
-        rows.append(("colours", f"differ {min(facts['separation'], 1000):.0f} times more than sites of one colour do"))
+        times = f"{min(facts['separation'], 1000):.0f} times"
+        rows.append(("colours", f"differ {times} more than sites of one colour do"))
     if len({first, *others}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
+    unknown = ""
     if is_open:
-        what = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
-        rows.append(("not known", f"{what}: take a picture with more colour or light"))
+        unknown = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        unknown += ": take a picture with more colour or light"
     elif facts["name"] == "Bayer":
-        what = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
-        rows.append(("not known", what))
+        unknown = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
     elif facts["exchangeable"]:
-        what = "which of the colours with equally many sites is which: a picture of something red shows it"
-        rows.append(("not known", what))
-    return [*rows, *_next_rows(facts)]
+        unknown = "which of the colours with equally many sites is which: a picture of something red shows it"
+    return [*rows, *([("not known", unknown)] if unknown else []), *_next_rows(facts)]
 
 
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """What to do with the answer."""
     if facts["dense"]:
-        return [("go on", f"{facts['name']} sensors are developed by other raw developers; Panchroma needs panchromatic pixels")]
+        others = f"{facts['name']} sensors are developed by other raw developers"
+        return [("go on", f"{others}; Panchroma needs panchromatic pixels")]
     if facts["open"]:
         return []
     if facts["pattern"] is None:
-        return [("go on", "Panchroma cannot use this tile: a colour site is too far from panchromatic pixels")]
+        reason = "a colour site is too far from panchromatic pixels"
+        return [("go on", f"Panchroma cannot use this tile: {reason}")]
     fitting = [facts["pattern"], *facts["alternatives"]]
     rows = [("or", f"--pattern {name} --origin {row},{column}") for name, (row, column) in fitting]
     rows[0] = "go on", rows[0][1]
     if not facts["name"]:
-        rows.append(("", "the letters say which sites are alike; put those of the real filters in their place"))
+        advice = "put those of the real filters in their place"
+        rows.append(("", f"the letters say which sites are alike; {advice}"))
     return rows

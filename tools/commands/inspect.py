@@ -56,8 +56,9 @@ def _show(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     """Show what is in each shot or camera file; returns the exit code."""
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        facts, rows = _camera(job.source) if _is_camera(job.source) else _shot(job.source, max_pixels)
-        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)))
+        source = job.source
+        facts, rows = _camera(source) if _is_camera(source) else _shot(source, max_pixels)
+        return Outcome(facts, (source, *(f"  {name:<14}{value}" for name, value in rows)))
 
     return run_jobs(jobs, work, console)
 
@@ -89,14 +90,16 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
             wrong[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
             raise
 
-    jobs = list({job.source: job for job in jobs}.values())  # each is checked once
+    files = {job.source: job for job in jobs}  # one that is named twice is checked once
+    jobs = list(files.values())
     with console.progress("verify") as progress:
         results = in_threads(work, jobs, processors(), console.note)
         code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
     kinds = Counter(wrong.values())
     counts = [f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind] or kind == _DAMAGED]
-    named = (f"  {job.source}" for kind in _KINDS[:2] for job in jobs if wrong.get(job.source) == kind)
-    console.say(", ".join([f"{len(jobs) - len(wrong)} whole", *counts]), *named)
+    to_mend = [file for kind in (_DAMAGED, _UNREAD) for file in files if wrong.get(file) == kind]
+    summary = ", ".join([f"{len(files) - len(wrong)} whole", *counts])
+    console.say(summary, *(f"  {file}" for file in to_mend))
     return code
 
 
@@ -112,7 +115,8 @@ def _camera(source: str) -> tuple[dict[str, Any], Rows]:
     calibration, pattern, letters = camera.calibration, camera.pattern, "unknown"
     if pattern:
         name = f"{pattern.name}, " if pattern.name else ""
-        letters = f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
+        letters = f"{name}{pattern.channels} period {pattern.period}: "
+        letters += " ".join(pattern.letters_from())
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
         "pattern": letters,
@@ -121,8 +125,9 @@ def _camera(source: str) -> tuple[dict[str, Any], Rows]:
     }
     rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
-        values = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in how.items()}
-        rows[f"{part}:"] = ", ".join(f"{name} {value}" for name, value in values.items())
+        values = (value if isinstance(value, list) else [value] for value in how.values())
+        texts = (" ".join(map(str, value)) for value in values)
+        rows[f"{part}:"] = ", ".join(f"{name} {text}" for name, text in zip(how, texts, strict=True))
     return {"camera": camera.to_json(), "calibration_id": calibration.id}, list(rows.items())
 
 
@@ -147,7 +152,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((read >= calibration.full_scale).mean()) if read.size else None,
         "calibration": calibration.to_json(),
         "calibration_id": calibration.id,
-        "metadata": asdict(metadata) | {"taken": metadata.taken.isoformat() if metadata.taken else None},
+        "metadata": asdict(metadata) | {"taken": metadata.taken and metadata.taken.isoformat()},
         "preview_bytes": preview_bytes,
         "digest": "shot",
     }
@@ -158,7 +163,8 @@ def _light(mosaic: Mosaic) -> float:
     pattern, full_scale = mosaic.pattern, mosaic.calibration.full_scale
     if pattern.channels == "RGB":
         return pattern.light_efficiency
-    colour = len(pattern.sites) / pattern.period**2  # filters read 1 where panchromatic pixels read the full scale
+    # Filters read 1 where panchromatic pixels read the full scale.
+    colour = len(pattern.sites) / pattern.period**2
     return 3 * (1 - colour + colour / full_scale)
 
 
@@ -170,31 +176,37 @@ def _rows(facts: dict[str, Any]) -> Rows:
         light = f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
-    return [
-        ("size", f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"),
-        ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
-        *(("", " ".join(row)) for row in pattern["letters"]),
-        ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
-        ("luminance", light),
-        *_calibration(calibration).items(),
-        ("sensor", f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"),
-        ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),
-        *_capture(facts["metadata"]).items(),
-    ]
+    head = {
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
+        "pattern": f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
+    }
+    rows = {
+        "network": facts["learned"] or "none for this pattern: rendered without learned colour",
+        "luminance": light,
+        **_calibration(calibration),
+        "sensor": f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}",
+        "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
+        **_capture(facts["metadata"]),
+    }
+    return [*head.items(), *(("", " ".join(row)) for row in pattern["letters"]), *rows.items()]
 
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
     """Rows that shots and camera files share."""
     lights = document.get("lights", ())
     estimated = ", estimated from the picture" if document.get("neutral_estimated") else ""
+    colour = "calibrated" if document["camera_to_xyz"] else "no matrix"
     rows = {
         "levels": f"black {_values(document['black_level'])}, white {document['white_level']}",
         "gamma": f"{_values(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
-        "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
-        **{f"  {light['illuminant']}": f"{_matrix(light['camera_to_xyz'])}; white {_values(light['neutral'])}" for light in lights},
-        "neutral": (_values(document["neutral"]) if document["neutral"] else "unknown") + estimated,
+        "colour": "calibrated under two lights" if lights else colour,
     }
+    for light in lights:
+        matrix = _matrix(light["camera_to_xyz"])
+        rows[f"  {light['illuminant']}"] = f"{matrix}; white {_values(light['neutral'])}"
+    neutral = _values(document["neutral"]) if document["neutral"] else "unknown"
+    rows["neutral"] = neutral + estimated
     if "shading" in document:
         rows["shading"] = f"{Shading(**document['shading']).words}; undone"
     if "aberration" in document:
@@ -205,17 +217,18 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:
     """Rows for the known capture data, with units."""
     seconds = metadata["exposure_time"]
-    exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
+    texts = ("make", "model", "lens", "artist", "copyright", "description")
+    place, altitude = metadata["place"], metadata["altitude"]
     rows = {
-        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description")},
+        **{name: metadata[name] for name in texts},
         "taken": metadata["taken"] and f"{metadata['taken']}{metadata['zone']}",
-        "place": metadata["place"] and "{:.6f}, {:.6f} (latitude, longitude)".format(*metadata["place"]),
-        "altitude": metadata["altitude"] is not None and f"{metadata['altitude']:g} m",
-        "exposure": exposure,
+        "place": place and "{:.6f}, {:.6f} (latitude, longitude)".format(*place),
+        "altitude": altitude is not None and f"{altitude:g} m",
+        "exposure": seconds and (f"1/{1 / seconds:.0f} s" if seconds < 0.4 else f"{seconds:g} s"),
         "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
         "ISO": metadata["iso"] and f"{metadata['iso']}",
         "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
-        "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
+        "orientation": metadata["orientation"] != 1 and f"{metadata['orientation']} (of TIFF)",
     }
     return {name: value for name, value in rows.items() if value}
 
@@ -225,7 +238,8 @@ def _noise(noise: dict[str, Any] | None) -> str:
         return "unknown"
     if not any(noise["shot"]):
         return f"sigma {_values(noise['read'])} scene units"
-    return f"variance = {_values(noise['shot'])} x signal + ({_values(noise['read'])})^2, scene units"
+    shot, read = _values(noise["shot"]), _values(noise["read"])
+    return f"variance = {shot} x signal + ({read})^2, scene units"
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> str:

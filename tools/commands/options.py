@@ -36,10 +36,14 @@ def value(convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] 
     return typed
 
 
-def numbers(count: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
-    """Return the type of an option that takes numbers with commas between them, `count` of them or any number."""
-    expected = f"{count or 'a list of'} numbers with commas between them, such as {example}"
-    return value(lambda text: tuple(map(_fraction, text.split(","))), expected, lambda result: count in (None, len(result)))
+def numbers(number: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
+    """Return the type of an option that takes numbers with commas between them, `number` of them or any number."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        return tuple(map(_fraction, text.split(",")))
+
+    expected = f"{number or 'a list of'} numbers with commas between them, such as {example}"
+    return value(convert, expected, lambda result: number in (None, len(result)))
 
 
 def _fraction(text: str) -> float:
@@ -88,7 +92,12 @@ _PATTERN = (
     f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
     "or a file with them, one row on each line (default: K=6, or the camera's)"
 )
-_RECALIBRATED = "camera.json: the calibration of the sensor, in place of the one in the shots"
+_CAMERA = "camera.json: the calibration of the sensor"
+_RECALIBRATED = f"{_CAMERA}, in place of the one in the shots"
+_ORIGIN = "position of the first block (default: 0,0)"
+_LINEAR = "take the values of pictures as linear light, whatever the files say"
+_QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
+_LATEST = "keep a symbolic link with this name to the latest shot"
 _SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
 _SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
@@ -99,16 +108,16 @@ _SHARED = {
     "overwrite": _switch("--overwrite", "replace results that exist already"),
     "dry-run": _switch("-n --dry-run", "write nothing, only say what would be done"),
     "json": _switch("--json", "print one JSON object per result to stdout"),
-    "camera": _option("--camera", "FILE", "camera.json: the calibration of the sensor", type=file_name),
+    "camera": _option("--camera", "FILE", _CAMERA, type=file_name),
     "recalibrate": _option("--camera", "FILE", _RECALIBRATED, type=file_name),
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
-    "origin": _option("--origin", "ROW,COLUMN", "position of the first block (default: 0,0)", type=_origin),
+    "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
     "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
-    "linear": _switch("--linear", "take the values of pictures as linear light, whatever the files say"),
+    "linear": _switch("--linear", _LINEAR),
     "seed": _option("--seed", "N", "seed of the noise (default: 0)", type=natural, default=0),
-    "quality": _option("--quality", "N", "quality of a JPEG, 1 (small) to 100 (default: 95)", type=int),
+    "quality": _option("--quality", "N", _QUALITY, type=int),
     "scale": _option("--scale", "N", _SCALE, type=int),
-    "latest": _option("--latest", "LINK", "keep a symbolic link with this name to the latest shot", type=Path),
+    "latest": _option("--latest", "LINK", _LATEST, type=Path),
     "jobs": _option("-j --jobs", "N", "processes at a time", type=count),
     "max-memory": _option("--max-memory", "SIZE", _MEMORY, type=_size),
     "scheduler": _option("--scheduler", "ADDRESS", _SCHEDULER, type=file_name),
@@ -125,7 +134,11 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
     for protocol in PROTOCOLS.values():
-        settings: dict[str, Any] = {"metavar": protocol.metavar, "type": factor, "help": protocol.help}
+        settings: dict[str, Any] = {
+            "metavar": protocol.metavar,
+            "type": factor,
+            "help": protocol.help,
+        }
         parser.add_argument(f"--{protocol.option}", **settings | changed)
 
 
@@ -145,7 +158,10 @@ def pixel_limit() -> int:
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     """The kind of noise, and its level or levels, None without. Raises InputError for --sigma together with --light."""
-    return chosen_protocol(None, {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS.values()})
+    return chosen_protocol(
+        None,
+        {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS.values()},
+    )
 
 
 def camera_of(arguments: argparse.Namespace, stated: CfaPattern | None = None) -> tuple[Camera | None, CfaPattern]:

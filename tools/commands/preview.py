@@ -7,6 +7,7 @@ cameras with the pattern of a shot, for another ONNX runtime; device/preview/con
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 from ...shared import read_camera, read_dng
 from ...shared.errors import InputError
@@ -60,7 +61,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
         write_durably(job.output, jpeg, overwrite=arguments.overwrite)
         rows, columns = picture.shape[:2]
-        facts = {"output": str(job.output), "width": columns, "height": rows, "preview_ms": round(milliseconds, 1)}
+        facts: dict[str, Any] = {"output": str(job.output), "width": columns, "height": rows}
+        facts["preview_ms"] = round(milliseconds, 1)
         return Outcome(facts, (f"{job.output}: {columns} x {rows}, {milliseconds:.0f} ms",))
 
     found = search(arguments.shots, DNGS, output=folder)
@@ -75,7 +77,9 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
     if path.suffix != ".onnx":
         raise InputError(f"{path}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
     if len(arguments.shots) > 1:
-        raise InputError(f"--export writes the graph for the pattern of one shot, and {len(arguments.shots)} are named")
-    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=pixel_limit()).pattern, arguments.scale)
+        number = f"{len(arguments.shots)} are named"
+        raise InputError(f"--export writes the graph for the pattern of one shot, and {number}")
+    shot = read_dng(arguments.shots[0], max_pixels=pixel_limit())
+    graph = preview_graph(shot.pattern, arguments.scale)
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")

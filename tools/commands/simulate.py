@@ -58,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_noise(light)
     add(light, "seed")
     shading = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
-    light.add_argument("--shading", metavar="STOPS,PERCENT", type=numbers(example="2,15"), help=shading)
+    stops = numbers(example="2,15")
+    light.add_argument("--shading", metavar="STOPS,PERCENT", type=stops, help=shading)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
     frames = "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved"
     burst.add_argument("--burst", metavar="N", type=count, help=frames)
@@ -68,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a minus; the files state it as "
         "exposure time (default: all are exposed alike)"
     )
-    burst.add_argument("--bracket", metavar="EV,EV,...", type=numbers(example="0,-2,2"), default=(), help=bracket)
+    stops = numbers(example="0,-2,2")
+    burst.add_argument("--bracket", metavar="EV,EV,...", type=stops, default=(), help=bracket)
     reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"
     parser.add_argument("--reduce", metavar="N", type=count, default=1, help=reduced)
     add(parser, "linear")
@@ -92,7 +94,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lens.check(known.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
-    previews, limit = Previews(), pixel_limit()
+    previews = Previews()
+    load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
     write = partial(write_durably, overwrite=arguments.overwrite)
 
     def names(source: str) -> list[str]:
@@ -110,7 +113,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         motions: dict[str, SimulatedFrame] = {}
         missing: tuple[str, ...] = ()
         progress.stage("reading", 1)
-        scene = load_scene(job.source, linear=arguments.linear, max_pixels=limit, channels=pattern.channels)
+        scene = load(job.source, linear=arguments.linear)
         hand = random(shots[0].with_suffix(".motion"))
         frames = burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
@@ -141,11 +144,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; {same}")
         return Outcome(facts, tuple(lines))
 
+    def listen(job: Job) -> StageProgress:
+        return console.progress(job.source)
+
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder)
-    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite, listen=lambda job: console.progress(job.source))
+    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite, listen=listen)
     console.notes(notes)
     return code if searched else FAILED
 

@@ -10,6 +10,7 @@ import argparse
 import re
 import threading
 from contextlib import closing
+from functools import partial
 from typing import Any
 
 from ...shared.errors import InputError
@@ -50,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "0.0.0.0 for everybody on the network)"
     )
     usual = f"{_HOST}:{_PORT}"
-    parser.add_argument("--bind", metavar="ADDRESS:PORT", type=_address, default=usual, help=interface)
+    address = "ADDRESS:PORT"
+    parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     name = (
         "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
     )
@@ -74,9 +76,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         failed = True
         console.error(str(error))
 
-    page = ViewfinderServer(arguments.bind, view.finder, lambda error: console.error(fault(error), cause=error), arguments.host)
+    def report(error: BaseException) -> None:
+        console.error(fault(error), cause=error)
+
+    page = ViewfinderServer(arguments.bind, view.finder, report, arguments.host)
     with closing(source), Stopping() as stopping, page as server:
-        threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
+        serve = partial(server.serve_forever, 0.1)
+        threading.Thread(target=serve, name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")
         try:
             view.show(stopping, refused, console.note)
