@@ -23,6 +23,7 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
+_FAILURES = PanchromaError, MemoryError  # of one scene or result; any other exception is a fault
 _REMEDY = "run again with fewer processes or a smaller `max_memory`; what was finished is kept"
 
 
@@ -58,11 +59,13 @@ class Team:
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], []
-        for source, info in zip(names, self._run("reading scenes", reading.info, names, _USUAL_PIXELS), strict=True):
+        results = self._run("reading scenes", reading.info, names, _USUAL_PIXELS)
+        for source, info in zip(names, results, strict=True):
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
-                error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with `max_memory`, or use `crop`")
+                remedy = "allow it with `max_memory`, or use `crop`"
+                error = InputError(f"needs about {format_bytes(needed)} of memory; {remedy}")
                 failures.append(self._fail(source, error))
             else:
                 scenes.append(info)
@@ -71,7 +74,8 @@ class Team:
         left_out += remarks
         self.console.note(*left_out)
         if not scenes:
-            raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
+            expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
+            raise InputError(f"no scene could be read; {expected}")
         return scenes, failures, left_out
 
     def measure(self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None) -> list[str]:
@@ -81,7 +85,8 @@ class Team:
         """
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
-        results = self.together("measuring", measure, todo, pixels, length=study.seconds, scheduler=scheduler)
+        how = {"length": study.seconds, "scheduler": scheduler}
+        results = self.together("measuring", measure, todo, pixels, **how)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
         self.console.error(*failures)
         return failures
@@ -116,16 +121,17 @@ class Team:
         if not items:
             return []
         ended: dict[T, R | PanchromaError | MemoryError] = {}
-        count, call, note = min(self.processes(pixels), len(items)), partial(_call, function), self.console.note
+        count, note = min(self.processes(pixels), len(items)), self.console.note
+        call = partial(_call, function)
         with ExitStack() as stack:
             progress = stack.enter_context(self.console.progress("evaluate"))
             if scheduler is None and count == 1:
                 results = one_by_one(call, items, lambda _: StageProgress(note=note))
             else:
-                executor = processes(count, _REMEDY) if scheduler is None else cluster(scheduler, note)
-                results = stack.enter_context(executor).run(call, items, note)
+                pool = cluster(scheduler, note) if scheduler else processes(count, _REMEDY)
+                results = stack.enter_context(pool).run(call, items, note)
             for item, result in follow(results, items, progress, title, length):
-                if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
+                if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result
                 ended[item] = result
         return [ended[item] for item in items]
