@@ -87,15 +87,16 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 parser = build_parser(next((word for word in arguments if word in VERBS), ""))
                 _refuse_removed(parser, arguments)
                 parsed = parser.parse_args(arguments)
-                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, verbose=parsed.verbose)
+                shown = {"quiet": parsed.quiet, "verbose": parsed.verbose}
+                console = Console(json=getattr(parsed, "json", False), **shown)
                 note_warnings(console.note)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)
             finally:
                 if code:
-                    from .batch.jobs import remove_unused_folders  # not at the top: it imports NumPy
+                    from .batch import jobs  # not at the top: it imports NumPy
 
-                    remove_unused_folders()
+                    jobs.remove_unused_folders()
                 console.close()
     except KeyboardInterrupt as stop:
         console.error("interrupted; finished files are complete, and no partial file is left")
@@ -143,12 +144,10 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
 
 def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object) -> None:
     """Add the options of every verb, which may stand before the verb, too; their defaults."""
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", default=quiet, help="show neither progress nor notes; errors and results remain"
-    )
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", default=verbose, help="show the traceback of an error that is a fault of Panchroma"
-    )
+    less = "show neither progress nor notes; errors and results remain"
+    parser.add_argument("-q", "--quiet", action="store_true", default=quiet, help=less)
+    more = "show the traceback of an error that is a fault of Panchroma"
+    parser.add_argument("-v", "--verbose", action="store_true", default=verbose, help=more)
 
 
 def _refuse_removed(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:

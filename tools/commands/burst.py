@@ -30,9 +30,11 @@ def _shifts(text: str) -> tuple[tuple[float, ...], ...]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma burst`."""
-    parser.add_argument("shots", metavar="SHOT", nargs="+", help="the DNGs of one series, or a folder with them in it or below")
+    shots = "the DNGs of one series, or a folder with them in it or below"
+    parser.add_argument("shots", metavar="SHOT", nargs="+", help=shots)
     add(parser, "output", help="folder for STEM.EXT, created if missing")
-    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")
+    reference = "the frame that the picture shows (default: the first of the sharpest)"
+    parser.add_argument("--reference", metavar="SHOT", help=reference)
     shifts = (
         "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down: X,Y for each shot, "
         "with blanks between them; nothing is aligned then, and the reference is the first shot by default"
@@ -53,20 +55,24 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     names = series(found.sources)
     if len(names) < 2:
         read_dng(names[0], max_pixels=pixel_limit())  # says what is wrong with it
-        raise InputError(f"{names[0]}: is one frame, expected two or more of one scene; panchroma render renders a shot")
+        expected = "expected two or more of one scene; panchroma render renders a shot"
+        raise InputError(f"{names[0]}: is one frame, {expected}")
     shifts = arguments.shifts
     if shifts and len(shifts) != len(names):
-        raise InputError(
-            f'--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as "0,0 2,0 0,2 2,2"'
-        )
+        expected = 'expected one for each, such as "0,0 2,0 0,2 2,2"'
+        raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, {expected}")
     reference = None
     if arguments.reference is not None:
-        wanted = identity(arguments.reference) or arguments.reference
-        reference = next((index for index, name in enumerate(names) if (identity(name) or name) == wanted), None)
-        if reference is None:
-            raise InputError(f"--reference {arguments.reference}: is none of the {len(names)} shots of the burst")
+        files = [identity(name) or name for name in names]
+        file = identity(arguments.reference) or arguments.reference
+        if file not in files:
+            shots = f"the {len(names)} shots of the burst"
+            raise InputError(f"--reference {arguments.reference}: is none of {shots}")
+        reference = files.index(file)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
-    job = Job(names[0], (folder / f"{series_stem(names)}{suffix}",), all(each.found for each in found.sources), tuple(names))
+    output = folder / f"{series_stem(names)}{suffix}"
+    searched = all(source.found for source in found.sources)
+    job = Job(names[0], (output,), searched, tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
     return 0 if possible and not states["failed"] else FAILED

@@ -45,25 +45,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shots = "DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below"
     parser.add_argument("shots", metavar="SHOT", nargs="*", help=shots)
     add(parser, "output", metavar="FILE", help="camera.json to write")
-    frames = {
-        "dark": "a frame with the lens covered: black level, read noise, defects",
-        "flat": "an evenly lit frame: shading; two of each exposure: gain, read noise",
-    }
-    for kind, shown in frames.items():
-        repeated = f"{shown}; or a folder of them; repeat it for more"
-        parser.add_argument(f"--{kind}", metavar="F", action="append", default=[], help=repeated)
+    repeated: dict[str, Any] = {"action": "append", "default": []}
+    more = "; or a folder of them; repeat it for more"
+    dark = f"a frame with the lens covered: black level, read noise, defects{more}"
+    parser.add_argument("--dark", metavar="F", **repeated, help=dark)
+    flat = f"an evenly lit frame: shading; two of each exposure: gain, read noise{more}"
+    parser.add_argument("--flat", metavar="F", **repeated, help=flat)
     light = (
         "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder "
         "of them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
     )
-    parser.add_argument("--chart-light", metavar="LIGHT=F", action="append", default=[], type=_light, help=light)
+    parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
     corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
-    parser.add_argument("--corners", metavar="X,Y", nargs=4, type=numbers(2, "12,34.5"), help=corners)
+    place = numbers(2, "12,34.5")
+    parser.add_argument("--corners", metavar="X,Y", nargs=4, type=place, help=corners)
     colours = "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
     parser.add_argument("--chart", metavar="FILE", help=colours)
-    parser.add_argument("--sensor", metavar="NAME", type=text, help="name of the sensor (default: the name in the shots)")
-    parser.add_argument("--report", metavar="DIR", help="folder for report.html, created if missing")
-    update = "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
+    sensor = "name of the sensor (default: the name in the shots)"
+    parser.add_argument("--sensor", metavar="NAME", type=text, help=sensor)
+    report = "folder for report.html, created if missing"
+    parser.add_argument("--report", metavar="DIR", help=report)
+    parts = "replace only those parts of FILE that these frames measure"
+    update = f"{parts}; FILE.bak keeps the old file"
     parser.add_argument("--update", action="store_true", help=update)
     add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
     add(parser, "json")
@@ -85,8 +88,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
     if arguments.corners and len(files["shots"]) != 1:
-        raise InputError(f"--corners gives the place of the chart in one shot; {len(files['shots'])} shots are given")
-    corners: Matrix | None = tuple(arguments.corners) if arguments.corners else None
+        number = f"{len(files['shots'])} shots are given"
+        raise InputError(f"--corners gives the place of the chart in one shot; {number}")
+    corners: Matrix | None = tuple(arguments.corners or ()) or None
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
@@ -107,7 +111,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
         check_same(output, old, seen.base)
-    provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
+    today, program = datetime.now(UTC).date().isoformat(), f"panchroma {program_version()}"
+    provenance = {"date": today, "program": program}
     result = conclude(seen, provenance)
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
@@ -115,7 +120,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if folder is not None:
         write_durably(folder / "report.html", write_report(result, provenance), overwrite=True)
         console.say(f"{folder / 'report.html'}: {result.verdict}")
-    return _write(output, result, old, console, replace_existing=replace_existing)
+    return _write(output, result, old, console, replace_existing)
 
 
 def color_checker_xyz() -> DoubleArray:
@@ -148,23 +153,24 @@ def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
     return FAILED
 
 
-def _write(output: Path, result: "Result", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
+def _write(output: Path, result: "Result", old: Camera | None, console: Console, overwrite: bool) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from ..calibration.files import write_camera
     from ..calibration.samples import figures
 
     camera, verdict = result.camera, result.verdict
     if camera is None:
-        return _refused(output, f"{result.refusal}; no camera file was written", console, verdict=verdict, facts=result.facts)
-    if (kept := write_camera(output, camera, overwrite=replace_existing)) is not None:
+        error = f"{result.refusal}; no camera file was written"
+        return _refused(output, error, console, verdict=verdict, facts=result.facts)
+    if (kept := write_camera(output, camera, overwrite=overwrite)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
         new = list(result.facts)
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
-    name = calibration.sensor or "unnamed sensor"
-    console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")
-    warnings = [*result.contradictions, *result.warnings]
-    console.record(source=str(output), ok=True, verdict=verdict, warnings=warnings, camera=camera.to_json(), id=calibration.id)
+    known = f"{calibration.sensor or 'unnamed sensor'}, gamma {figures(calibration.gamma)}, measured: {parts}"
+    console.say(f"{output}: {known}, id {calibration.id}; {verdict}")
+    facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
+    console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)
     return FAILED if result.seen.skipped else 0

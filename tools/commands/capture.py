@@ -36,8 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma capture`."""
     add_source(parser)
     add(parser, "output", help="folder for the shots, created if missing")
-    parser.add_argument("--frames", metavar="N", type=count, help="stop after N shots (default: when the stream ends)")
-    parser.add_argument("--burst", metavar="N", type=count, help="save one burst of N frames, all or none, and stop")
+    shots = "stop after N shots (default: when the stream ends)"
+    parser.add_argument("--frames", metavar="N", type=count, help=shots)
+    burst = "save one burst of N frames, all or none, and stop"
+    parser.add_argument("--burst", metavar="N", type=count, help=burst)
     add(parser, "latest", "json")
 
 
@@ -48,7 +50,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     source = source_of(arguments)
     if arguments.burst:
         _check_limits(arguments.burst, source)
-    recorder = Recorder(source, output_folder(arguments.output), arguments.latest, burst=arguments.burst)
+    folder = output_folder(arguments.output)
+    recorder = Recorder(source, folder, arguments.latest, burst=arguments.burst)
     console.note(*source.notes)
     saved = failed = 0
     doubtful = DoubtfulShots()
@@ -65,16 +68,18 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 saved += 1
                 doubtful.add(shot)
                 preview, write, dropped = shot.preview * 1e3, shot.write * 1e3, recorder.dropped
-                console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
-                facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1), "dropped": dropped}
+                times = f"preview {preview:.0f} ms, write {write:.0f} ms"
+                console.say(f"{shot.path}: {times}, dropped {dropped}")
+                facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1)}
+                facts["dropped"] = dropped
                 console.record(source=arguments.source, ok=True, output=str(shot.path), **facts)
                 if saved == arguments.frames or stopping():
                     break
             else:
                 if arguments.frames and not stopping():
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
-        except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
-            refused(error)
+        except (InputError, OutputError) as error:
+            refused(error)  # the stream broke off, or the disk is full: saved shots stay good
             console.note(*doubtful.remarks(error))
         incomplete, _ = source.lost()  # before they are counted among all: more may come
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
@@ -92,7 +97,8 @@ def _check_limits(frames: int, source: FrameSource) -> None:
     All files of a burst are open until the last is written: the system has a limit for these, too.
     """
     layout = source.sensor.layout
-    needed, free = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height), allowed_memory(None)
+    needed = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height)
+    free = allowed_memory(None)
     if needed > free:
         raise InputError(
             f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need {format_bytes(needed)} of memory, "

@@ -12,11 +12,12 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
 from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from ...shared.errors import DurabilityWarning, PanchromaError
 from ...shared.processors import processors
@@ -56,41 +57,19 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
         if finding.remedy:
             console.say(f"{'':{width + 8}}-> {finding.remedy}")
-        console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
+        facts = finding._asdict()
+        console.record(check=facts.pop("name"), ok=finding.state != BAD, **facts)
     wrong = sum(finding.state == BAD for finding in findings)
     missing = sum(finding.state == MISSING for finding in findings)
-    console.say(f"{wrong} wrong, {missing} optional things missing" if wrong or missing else "all is well")
+    counted = f"{wrong} wrong, {missing} optional things missing"
+    console.say(counted if wrong or missing else "all is well")
     return FAILED if wrong else 0
-
-
-def _compiled(console: Console) -> "Finding":
-    """Compile all kernels that are not in the cache."""
-    name = "compilation"
-    try:
-        names = to_compile()
-        start = time.monotonic()
-        with console.progress("doctor") as progress:
-            progress.stage("compiling", len(names))
-            for number, (kernel, error) in enumerate(compile_all(names, processors(), console.note), 1):
-                if error is not None:
-                    return Finding(name, BAD, f"{kernel}: {error}", "close other programs, and run it again")
-                progress.advance()
-                progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := to_compile():
-            return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
-    except ModuleNotFoundError as error:
-        return Finding(name, BAD, f"needs {error.name}, which is not installed", ALL)
-    except RuntimeError:
-        return Finding(name, BAD, "there is no folder to keep compiled kernels in", CACHE_REMEDY)
-    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"
-    return Finding(name, GOOD, took)
 
 
 # --- the checks: each reports what it finds, and how to repair what is wrong ------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """What one check found.
 
     name: what was checked.
@@ -106,13 +85,37 @@ class Finding:
 
 
 def _judged(name: str, right: bool, found: str, remedy: str) -> Finding:
-    return Finding(name, GOOD if right else BAD, found, "" if right else remedy)
+    return Finding(name, GOOD, found) if right else Finding(name, BAD, found, remedy)
+
+
+def _compiled(console: Console) -> Finding:
+    """Compile all kernels that are not in the cache."""
+    bad = partial(Finding, "compilation", BAD)
+    try:
+        names, start = to_compile(), time.monotonic()
+        with console.progress("doctor") as progress:
+            progress.stage("compiling", len(names))
+            compiled = compile_all(names, processors(), console.note)
+            for number, (kernel, error) in enumerate(compiled, 1):
+                if error is not None:
+                    return bad(f"{kernel}: {error}", "close other programs, and run it again")
+                progress.advance()
+                progress.remark(f"compiled kernel {number} of {len(names)}")
+        if missing := to_compile():
+            remedy = f"free some disk space, or {CACHE_REMEDY}"
+            return bad(f"could not keep {', '.join(missing)}", remedy)
+    except ModuleNotFoundError as error:
+        return bad(f"needs {error.name}, which is not installed", ALL)
+    except RuntimeError:
+        return bad("there is no folder to keep compiled kernels in", CACHE_REMEDY)
+    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s"
+    return Finding("compilation", GOOD, took if names else "all kernels were compiled already")
 
 
 def _program() -> Iterator[Finding]:
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
-    found = f"{platform.python_version()} ({sys.executable})"
-    yield _judged("Python", sys.version_info >= (3, 11), found, "use Python 3.11 or newer")
+    python = f"{platform.python_version()} ({sys.executable})"
+    yield _judged("Python", sys.version_info >= (3, 11), python, "use Python 3.11 or newer")
 
 
 # Extra -> how it is installed, and what needs its packages.
@@ -130,29 +133,30 @@ def _packages() -> Iterator[Finding]:
     """The packages that pyproject.toml asks for, as the installation knows it."""
     temporary_font_folder()
     try:
-        wanted = [found.groups(default="") for each in requires("panchroma") or () if (found := _REQUIREMENT.match(each))]
+        matches = map(_REQUIREMENT.match, requires("panchroma") or ())
     except PackageNotFoundError:
         yield Finding("packages", BAD, "Panchroma is not installed here: they are not known", ALL)
         return
-    for name, least, extra in wanted:
+    for name, least, extra in (match.groups(default="") for match in matches if match):
         if extra in _EXTRAS and not name.startswith("opencv"):
             yield _package(name, least, extra)
 
 
 def _package(name: str, least: str, extra: str) -> Finding:
     remedy, needed_by = _EXTRAS[extra]
-    if (found := package_version(name)) is None:
-        state = MISSING if extra else BAD
-        return Finding(name, state, f"not installed: {needed_by}", remedy)
-    if _numbers(found) < _numbers(least):
-        return Finding(name, BAD, f"{found}, older than {least}", f"pip install '{name}>={least}'")
+    if (version := package_version(name)) is None:
+        return Finding(name, MISSING if extra else BAD, f"not installed: {needed_by}", remedy)
+    if _numbers(version) < _numbers(least):
+        remedy = f"pip install '{name}>={least}'"
+        return Finding(name, BAD, f"{version}, older than {least}", remedy)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
-        return Finding(name, BAD, f"{found} cannot be imported: {error}", f"pip install --force-reinstall {name}")
-    return Finding(name, GOOD, found)
+        remedy = f"pip install --force-reinstall {name}"
+        return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
+    return Finding(name, GOOD, version)
 
 
 def _numbers(text: str) -> tuple[int, ...]:
@@ -160,19 +164,25 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
 
 
-_OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
+_OPENCV = (
+    "opencv-python",
+    "opencv-contrib-python",
+    "opencv-python-headless",
+    "opencv-contrib-python-headless",
+)
 
 
 def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
-    installed = {name: found for name in _OPENCV if (found := package_version(name))}
+    installed = {name: version for name in _OPENCV if (version := package_version(name))}
+    versions = " and ".join(f"{name} {version}" for name, version in installed.items())
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: burst, calibrate (finding a chart)", ALL)
-        return
-    said = " and ".join(f"{name} {found}" for name, found in installed.items())
-    remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
-    alone = len(installed) == 1
-    yield _judged("OpenCV", alone, said if alone else f"{said} overwrite each other", remedy)
+    elif len(installed) == 1:
+        yield Finding("OpenCV", GOOD, versions)
+    else:
+        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
+        yield Finding("OpenCV", BAD, f"{versions} overwrite each other", remedy)
 
 
 def _preview() -> Iterator[Finding]:
@@ -184,18 +194,20 @@ def _preview() -> Iterator[Finding]:
         from ..batch.previews import Previews
         from ..simulation.sensor import simulate_additive
 
-        wall = np.full((24, 24, 3), 0.3, np.float32)
-        mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+        wall, sensor = np.full((24, 24, 3), 0.3, np.float32), (CfaPattern.bayer(6), SensorCalibration())
+        mosaic = simulate_additive(wall, *sensor, 0.0, np.random.default_rng(0))
         picture = Previews(threads=1)(mosaic)
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
         found = "runs" if right else "makes a wrong picture"
     except Exception as error:  # whatever it is, this check exists to find it
         right, found = False, f"does not run: {error}"
-    yield _judged("preview", right, found, "pip install --force-reinstall onnxruntime, then Panchroma")
+    remedy = "pip install --force-reinstall onnxruntime, then Panchroma"
+    yield _judged("preview", right, found, remedy)
 
 
 def _kernels() -> Iterator[Finding]:
-    wrong = ""
+    remedy = f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute"
+    bad = partial(Finding, "kernel cache", BAD, remedy=remedy)
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
@@ -204,11 +216,12 @@ def _kernels() -> Iterator[Finding]:
     except ModuleNotFoundError:  # reported with the packages
         return
     except RuntimeError:
-        wrong = "there is no folder that can be written to"
+        yield bad("there is no folder that can be written to")
     except OSError as error:
-        wrong = f"{folder}: {error.strerror or error}"
-    found = wrong or f"{folder}, {compiled} compiled{'' if compiled else ': the first render does it'}"
-    yield _judged("kernel cache", not wrong, found, f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute")
+        yield bad(f"{folder}: {error.strerror or error}")
+    else:
+        first = "" if compiled else ": the first render does it"
+        yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled{first}")
 
 
 def _machine() -> Iterator[Finding]:
@@ -233,8 +246,9 @@ def _writing() -> Iterator[Finding]:
     except (OSError, PanchromaError) as error:
         yield Finding("writing", BAD, f"{place}: {error}", "set TMPDIR to another folder")
     else:
-        found = f"durable in {place}" if durable else f"whole files in {place}, whose folders cannot be synced"
-        yield _judged("writing", kept, found, "the file system does not keep what is written; use another")
+        unsynced = f"whole files in {place}, whose folders cannot be synced"
+        remedy = "the file system does not keep what is written; use another"
+        yield _judged("writing", kept, f"durable in {place}" if durable else unsynced, remedy)
 
 
-CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (_program, _packages, _opencv, _preview, _kernels, _machine, _writing)
+CHECKS = _program, _packages, _opencv, _preview, _kernels, _machine, _writing

@@ -6,7 +6,6 @@ own results are measured. --overwrite measures all of them again.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,10 +26,10 @@ from .options import add, add_noise, count, names, numbers, protocol_of
 if TYPE_CHECKING:
     from ..evaluation.study import Cell, Study
     from ..evaluation.team import Team
-    from ..evaluation.tiles import Tile
+
+    Requested = tuple[Study, list[str], list[str]]
 
 _SEED = 0  # of the noise
-_PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 
 USAGE = "SCENE ... -o DIR"
 EXAMPLE = "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
@@ -50,12 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; "
         "C, M and Y are made of red, green and blue (default: K=6)"
     )
-    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=["K=6"], help=patterns)
+    usual = ["K=6"]
+    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
     methods = "methods to compare (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
     rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed; repeat it for more"
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
-    what.add_argument("--crop", metavar="PIXELS", type=count, help="use only the middle of each scene, for a quick look")
+    crop = "use only the middle of each scene, for a quick look"
+    what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
     run_ = parser.add_argument_group("the run")
     add(run_, "jobs", help="processes at a time (default: one per core, as memory allows)")
     add(run_, "scheduler", "max-memory", "resume", "overwrite", "dry-run")
@@ -72,16 +73,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..io.page import without_folders
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / name for name in (_PAGE, _JSON, _CSV)]
+    outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv")]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
         try:
             refuse_existing(outputs)
         except OutputError as error:
-            raise OutputError(f"{error}, or `resume=True` to keep the results that are up to date") from None
+            remedy = "or `resume=True` to keep the results that are up to date"
+            raise OutputError(f"{error}, {remedy}") from None
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    results_folder = folder.absolute() if arguments.scheduler else folder
-    todo, there = missing_cells(study, results_folder, anew=arguments.overwrite)
+    todo, there = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
@@ -89,66 +90,66 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if there:
         console.note(f"{there} results are kept from an earlier run")
     try:
-        failures += replace(team, scheduler=arguments.scheduler).measure(study, results_folder, todo)
+        failures += team.measure(study, folder, todo, arguments.scheduler)
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
-    results = collect(study, folder)
-    figures = Figures(study, results)
-    program = f"panchroma {program_version()}"
+    figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
     try:
         exhibits = render_crops(figures, team)
     except InputError as error:  # a file that has changed since it was measured
         console.error(str(error))
         failures, exhibits = [*failures, str(error)], []
     named_files = [*arguments.scenes, *arguments.rival]
-    page = build_page(figures, exhibits, program, [without_folders(line, named_files) for line in (*failures, *left_out)])
-    contents = {_PAGE: page, _JSON: encode_json(figures, program, failures, left_out), _CSV: encode_csv(figures)}
-    for path in outputs:
-        write_durably(path, contents[path.name], overwrite=arguments.overwrite or arguments.resume)
+    missing = [without_folders(line, named_files) for line in (*failures, *left_out)]
+    contents = (
+        build_page(figures, exhibits, program, missing),
+        encode_json(figures, program, failures, left_out),
+        encode_csv(figures),
+    )
+    for path, content in zip(outputs, contents, strict=True):
+        write_durably(path, content, overwrite=arguments.overwrite or arguments.resume)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
-        console.record(source=scene.source, ok=True, group=scene.group, width=scene.columns, height=scene.rows)
+        facts = {"group": scene.group, "width": scene.columns, "height": scene.rows}
+        console.record(source=scene.source, ok=True, **facts)
     return FAILED if failures else 0
 
 
-def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
+def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Requested":
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
     from ..evaluation.methods import choose, default_names, missing_packages
     from ..evaluation.scene_sets import Reading
     from ..evaluation.study import Study
+    from ..evaluation.tiles import Tile, distinct_tiles
 
-    protocol, wanted = protocol_of(arguments)
-    levels = protocol.levels(wanted)
+    protocol, requested = protocol_of(arguments)
+    levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
     place = absolute_path if arguments.scheduler else str
     methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
-        console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
-    tiles = _tiles(arguments)
+        reason = f"these packages are not installed: {', '.join(missing)}"
+        console.note(f"some methods are left out because {reason}")
+    tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
-    scenes, failures, left_out = team.read(list(map(place, arguments.scenes)), Path(arguments.output), reading)
-    chosen = tuple(each.name for each in methods)
-    networks = tuple((each.name, each.file) for each in methods if each.file)
+    sources = list(map(place, arguments.scenes))
+    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
+    chosen = tuple(method.name for method in methods)
+    networks = tuple((method.name, method.file) for method in methods if method.file)
     study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
     console.note(*study.remarks())
     return study, failures, left_out
-
-
-def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
-    """The patterns of --pattern, each once."""
-    from ..evaluation.tiles import Tile, chosen_tiles
-
-    return chosen_tiles([], [Tile.named(read_pattern(text), text) for text in arguments.pattern])
 
 
 def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
     for cell in todo:
         console.say(cell.title)
-        facts = {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
-        console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
+        facts = {"source": cell.scene.source, "level": cell.level.level, "method": cell.method}
+        facts |= {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
+        console.record(**facts, dry_run=True)
     console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
     return FAILED if failures else 0

@@ -3,9 +3,9 @@
 import argparse
 from collections.abc import Iterable
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
-from ...shared import Camera, CfaPattern
 from ..batch.console import to_stdout
 from ..batch.signals import starting_service
 from ..capture.genicam import GENICAM, connected
@@ -27,9 +27,10 @@ _size = value(_width_and_height, "a width and a height, such as 4056x3040")
 class _Source(argparse.Action):
     """Stores SOURCE; for `genicam:` alone the cameras are listed, and nothing else is asked for, as with --help."""
 
-    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
         if values == GENICAM:
-            to_stdout(*(connected() or ["no camera answers: is it plugged in, and has it an address in this machine's network?"]))
+            advice = "is it plugged in, and has it an address in this machine's network?"
+            to_stdout(*(connected() or [f"no camera answers: {advice}"]))
             parser.exit()
         setattr(namespace, self.dest, values)
 
@@ -41,7 +42,8 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "builtin:WIDTHxHEIGHT@FPS"
     )
     parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
-    frames = add_layout(parser, "the frames of a stream or folder (rpicam-raw prints all this when it starts)")
+    title = "the frames of a stream or folder (rpicam-raw prints all this when it starts)"
+    frames = add_layout(parser, title)
     add(frames, "sensor-bits")
     black = (
         "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
@@ -53,16 +55,18 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         "them wrong are refused"
     )
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
-    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
-    camera = parser.add_argument_group("the camera (`panchroma identify` finds pattern and origin in one raw frame)")
-    add(camera, "camera", "pattern", "origin")
-    settings = parser.add_argument_group(
-        "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
-    )
+    new = "skip frames that are in the folder already"
+    frames.add_argument("--new", action="store_true", help=new)
+    title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
+    add(parser.add_argument_group(title), "camera", "pattern", "origin")
+    title = "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
+    settings = parser.add_argument_group(title)
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
-    settings.add_argument("--gain", metavar="N", type=float, help="in the camera's unit, mostly dB (default: as it is set)")
-    settings.add_argument("--fps", metavar="N", type=amount, help="frames a second (default: as it is set)")
+    gain = "in the camera's unit, mostly dB (default: as it is set)"
+    settings.add_argument("--gain", metavar="N", type=float, help=gain)
+    rate = "frames a second (default: as it is set)"
+    settings.add_argument("--fps", metavar="N", type=amount, help=rate)
 
 
 def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
@@ -79,17 +83,13 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
 
 def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str) -> SourceOptions:
     """Return the description of a source with these of its fields as the options set them."""
-    given = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
-    return SourceOptions(source, **{name: given[name] for name in names})
+    settings = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
+    return SourceOptions(source, **{name: settings[name] for name in names})
 
 
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe. Raises InputError if there is none."""
-    given = options_of(arguments, (each.name for each in fields(SourceOptions)[1:]), arguments.source)
+    names = (field.name for field in fields(SourceOptions)[1:])
+    options = options_of(arguments, names, arguments.source)
     with starting_service():
-        return open_source(given, lambda known: _described(arguments, known))
-
-
-def _described(arguments: argparse.Namespace, known: CfaPattern | None) -> tuple[Camera | None, CfaPattern]:
-    """Return the camera and the pattern. known: that which the camera itself states."""
-    return camera_of(arguments, known)
+        return open_source(options, partial(camera_of, arguments))

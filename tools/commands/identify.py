@@ -6,7 +6,6 @@ panchromatic ones (W) are the brightest. Which of two colours is red and which i
 """
 
 import argparse
-from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +45,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        given = options_of(arguments, LAYOUT, job.source)
-        described = given != SourceOptions(job.source) or job.source == STREAM
+        options = options_of(arguments, LAYOUT, job.source)
+        described = options != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
-        data, layout = first_frame(given) if described else (b"", None)
+        data, layout = first_frame(options) if described else (b"", None)
         codes = layout.unpack(data) if layout else _in_file(job.source, pixel_limit())
 
         def likely() -> str:
@@ -65,15 +64,18 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             errors.append(f"{job.source}: {own}{likely()}")
         rows = _rows(facts, hint)
         if job.outputs:
-            write_durably(job.output, tile_map(facts["letters"], np.array(facts["light"])), overwrite=arguments.overwrite)
+            picture = tile_map(facts["letters"], np.array(facts["light"]))
+            write_durably(job.output, picture, overwrite=arguments.overwrite)
             facts["output"] = str(job.output)
             rows.append(("picture", facts["output"]))
-        return Outcome(facts, (job.source, *(f"  {name:<14}{value}" for name, value in rows)), tuple(errors))
+        lines = (f"  {name:<14}{value}" for name, value in rows)
+        return Outcome(facts, (job.source, *lines), tuple(errors))
 
     jobs = [Job(name) for name in arguments.files]
     if arguments.output is not None:
-        found, folder = [Source(name) for name in arguments.files], output_folder(arguments.output)
-        jobs = plan(found, lambda name: [f"{Path(name).stem}-tile.png"], folder)
+        sources = [Source(name) for name in arguments.files]
+        folder = output_folder(arguments.output)
+        jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
 
 
@@ -88,24 +90,29 @@ def _in_file(source: str, max_pixels: int) -> CodeArray:
 
 def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     """The facts as the rows of a table for people."""
-    sites, clear = facts["period"] ** 2, len(facts["panchromatic"])
-    gap = f"{clear} of {sites} sites; the next are {100 * facts['gap']:.0f} % of the range darker" if clear else "no site"
-    if not clear and facts["open"]:
-        gap = "not known: the brightest sites do not read the same, or not the sum of the others"
-    rows = [
-        ("size", f"{facts['width']} x {facts['height']} pixels"),
-        ("period", f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance"),
-        ("panchromatic", gap),
-        ("letters", f"{facts['letters'][0]}   from the first pixel on"),
-        *(("", row) for row in facts["letters"][1:]),
-        ("name", facts["name"] or "none that Panchroma knows"),
-    ]
+    clear, is_open = len(facts["panchromatic"]), facts["open"]
+    panchromatic = "no site"
+    if clear:
+        panchromatic = f"{clear} of {facts['period'] ** 2} sites; the next are {100 * facts['gap']:.0f} % of the range darker"
+    elif is_open:
+        reason = "the brightest sites do not read the same, or not the sum of the others"
+        panchromatic = f"not known: {reason}"
+    first, *others = facts["letters"]
+    head = {
+        "size": f"{facts['width']} x {facts['height']} pixels",
+        "period": f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
+        "panchromatic": panchromatic,
+        "letters": f"{first}   from the first pixel on",
+    }
+    name = facts["name"] or "none that Panchroma knows"
+    rows = [*head.items(), *(("", row) for row in others), ("name", name)]
     if facts["separation"]:
-        rows.append(("colours", f"differ {min(facts['separation'], 1000):.0f} times more than sites of one colour do"))
-    if len({*facts["letters"]}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
+        times = f"{min(facts['separation'], 1000):.0f} times"
+        rows.append(("colours", f"differ {times} more than sites of one colour do"))
+    if len({first, *others}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
     unknown = ""
-    if facts["open"]:
+    if is_open:
         unknown = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
         unknown += ": take a picture with more colour or light"
     elif facts["name"] == "Bayer":
@@ -118,13 +125,17 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """What to do with the answer."""
     if facts["dense"]:
-        return [("go on", f"{facts['name']} sensors are developed by other raw developers; Panchroma needs panchromatic pixels")]
+        others = f"{facts['name']} sensors are developed by other raw developers"
+        return [("go on", f"{others}; Panchroma needs panchromatic pixels")]
     if facts["open"]:
         return []
     if facts["pattern"] is None:
-        return [("go on", "Panchroma cannot use this tile: a colour site is too far from panchromatic pixels")]
-    fitting = ("--pattern {} --origin {},{}".format(name, *origin) for name, origin in (facts["pattern"], *facts["alternatives"]))
-    rows = list(zip(chain(["go on"], repeat("or")), fitting, strict=False))
+        reason = "a colour site is too far from panchromatic pixels"
+        return [("go on", f"Panchroma cannot use this tile: {reason}")]
+    fitting = [facts["pattern"], *facts["alternatives"]]
+    rows = [("or", f"--pattern {name} --origin {row},{column}") for name, (row, column) in fitting]
+    rows[0] = "go on", rows[0][1]
     if not facts["name"]:
-        rows.append(("", "the letters say which sites are alike; put those of the real filters in their place"))
+        advice = "put those of the real filters in their place"
+        rows.append(("", f"the letters say which sites are alike; {advice}"))
     return rows

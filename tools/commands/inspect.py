@@ -6,9 +6,9 @@ Reading compares a shot's samples with their digest, and checks every field of a
 import argparse
 import os
 import stat
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,17 @@ from ...shared.errors import ForeignFileError
 from ...shared.networks import network_for
 from ...shared.processors import processors
 from ..batch.console import Console
-from ..batch.folders import DNGS, Source, search
+from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
 from ..batch.parallel import follow, in_threads
 from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
 
-_COLUMN = 14  # characters for the name of a row
-_DAMAGED, _UNREAD, _FOREIGN = "damaged", "that cannot be read", "of other programs, without a digest to check"
+_KINDS = "damaged", "that cannot be read", "of other programs, without a digest to check"
+_DAMAGED, _UNREAD, _FOREIGN = _KINDS
+
+Rows = list[tuple[str, str]]
+"""Names and values of a table for people."""
 
 USAGE = "SHOT ..."
 EXAMPLE = "panchroma inspect shots --verify"
@@ -42,32 +45,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
-    found, limit = search(arguments.shots, DNGS), pixel_limit()
-    searched = found.report(console)
-    if arguments.verify:
-        code = _verify(found.sources, limit, console)
-    else:
-        jobs = [Job(source.name, found=source.found) for source in found.sources]
-        code = run_jobs(jobs, lambda job, _: _shown(job.source, limit), console)
+    files, limit = search(arguments.shots, DNGS), pixel_limit()
+    searched = files.report(console)
+    jobs = [Job(source.name, found=source.found) for source in files.sources]
+    code = (_verify if arguments.verify else _show)(jobs, limit, console)
     return code if searched else FAILED
 
 
-def _shown(source: str, max_pixels: int) -> Outcome:
-    """What is in a shot or a camera file."""
-    if Path(source).suffix.lower() == ".json":
-        return _camera(source)
-    mosaic = read_dng(source, max_pixels=max_pixels)
-    facts = _facts(mosaic, len(read_preview(source))) | {"digest": "shot"}
-    return Outcome(facts, (source, *_table(facts)))
+def _show(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
+    """Show what is in each shot or camera file; returns the exit code."""
+
+    def work(job: Job, listener: StageProgress) -> Outcome:
+        source = job.source
+        facts, rows = _camera(source) if _is_camera(source) else _shot(source, max_pixels)
+        return Outcome(facts, (source, *(f"  {name:<14}{value}" for name, value in rows)))
+
+    return run_jobs(jobs, work, console)
 
 
-def _verify(sources: Sequence[Source], max_pixels: int, console: Console) -> int:
+def _is_camera(source: str) -> bool:
+    return source.lower().endswith(".json")
+
+
+def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
+    """What is in a shot, for machines and for people."""
+    facts = _facts(read_dng(source, max_pixels=max_pixels), len(read_preview(source)))
+    return facts, _rows(facts)
+
+
+def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
     wrong: dict[str, str] = {}  # file -> what is wrong with it
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         try:
-            if job.source.lower().endswith(".json"):
+            if _is_camera(job.source):
                 return Outcome({"calibration_id": read_camera(job.source).calibration.id})
             rows, columns = verify_dng(job.source, max_pixels=max_pixels)
             return Outcome({"width": columns, "height": rows, "digest": "shot"})
@@ -78,15 +90,16 @@ def _verify(sources: Sequence[Source], max_pixels: int, console: Console) -> int
             wrong[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
             raise
 
-    files = {source.name: source for source in sources}  # one that is named twice is checked once
+    files = {job.source: job for job in jobs}  # one that is named twice is checked once
+    jobs = list(files.values())
     with console.progress("verify") as progress:
-        jobs = [Job(name, found=source.found) for name, source in files.items()]
         results = in_threads(work, jobs, processors(), console.note)
         code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
-    kinds = {kind: [file for file in files if wrong.get(file) == kind] for kind in (_DAMAGED, _UNREAD, _FOREIGN)}
-    counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found or kind == _DAMAGED]
-    named = (f"  {file}" for kind in (_DAMAGED, _UNREAD) for file in kinds[kind])
-    console.say(", ".join([f"{len(files) - len(wrong)} whole", *counts]), *named)
+    kinds = Counter(wrong.values())
+    counts = [f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind] or kind == _DAMAGED]
+    to_mend = [file for kind in (_DAMAGED, _UNREAD) for file in files if wrong.get(file) == kind]
+    summary = ", ".join([f"{len(files) - len(wrong)} whole", *counts])
+    console.say(summary, *(f"  {file}" for file in to_mend))
     return code
 
 
@@ -96,31 +109,32 @@ def _is_readable(file: str) -> bool:
     return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
 
 
-def _camera(source: str) -> Outcome:
-    """What is in a camera file."""
+def _camera(source: str) -> tuple[dict[str, Any], Rows]:
+    """What is in a camera file, for machines and for people."""
     camera = read_camera(source)
-    calibration, pattern = camera.calibration, camera.pattern
+    calibration, pattern, letters = camera.calibration, camera.pattern, "unknown"
+    if pattern:
+        name = f"{pattern.name}, " if pattern.name else ""
+        letters = f"{name}{pattern.channels} period {pattern.period}: "
+        letters += " ".join(pattern.letters_from())
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
-        "pattern": "unknown",
+        "pattern": letters,
         **_calibration(calibration.to_json()),
         "defects": f"{len(calibration.defects)} pixels",
     }
     rows["levels"] += f" ({calibration.bits} bits)"
-    if pattern:
-        name = f"{pattern.name}, " if pattern.name else ""
-        rows["pattern"] = f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
     for part, how in camera.measured.items():
-        said = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in how.items()}
-        rows[f"{part}:"] = ", ".join(f"{name} {value}" for name, value in said.items())
-    lines = (f"  {name:<13}{value}" for name, value in rows.items())
-    return Outcome({"camera": camera.to_json(), "calibration_id": calibration.id}, (source, *lines))
+        values = (value if isinstance(value, list) else [value] for value in how.values())
+        texts = (" ".join(map(str, value)) for value in values)
+        rows[f"{part}:"] = ", ".join(f"{name} {text}" for name, text in zip(how, texts, strict=True))
+    return {"camera": camera.to_json(), "calibration_id": calibration.id}, list(rows.items())
 
 
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
     pattern, calibration = mosaic.pattern, mosaic.calibration
     clear = pattern.panchromatic_mask(mosaic.shape)
-    panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
+    panchromatic, read = mosaic.signal[clear], mosaic.evenly_shaded().signal[clear]
     metadata, network = mosaic.metadata, network_for(pattern)
     return {
         "width": mosaic.shape[1],
@@ -138,11 +152,9 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((read >= calibration.full_scale).mean()) if read.size else None,
         "calibration": calibration.to_json(),
         "calibration_id": calibration.id,
-        "metadata": {
-            **asdict(metadata),
-            "taken": metadata.taken.isoformat() if metadata.taken else None,
-        },
+        "metadata": asdict(metadata) | {"taken": metadata.taken and metadata.taken.isoformat()},
         "preview_bytes": preview_bytes,
+        "digest": "shot",
     }
 
 
@@ -151,44 +163,50 @@ def _light(mosaic: Mosaic) -> float:
     pattern, full_scale = mosaic.pattern, mosaic.calibration.full_scale
     if pattern.channels == "RGB":
         return pattern.light_efficiency
-    colour = len(pattern.sites) / pattern.period**2  # filters read 1 where panchromatic pixels read the full scale
+    # Filters read 1 where panchromatic pixels read the full scale.
+    colour = len(pattern.sites) / pattern.period**2
     return 3 * (1 - colour + colour / full_scale)
 
 
-def _table(facts: dict[str, Any]) -> list[str]:
-    """The facts as the lines of a table for people."""
+def _rows(facts: dict[str, Any]) -> Rows:
+    """The facts as the rows of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     light = "unknown: no pixel is panchromatic"
     if facts["mean_luminance"] is not None:
         light = f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
-    rows = [
-        ("size", f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"),
-        ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
-        *(("", " ".join(row)) for row in pattern["letters"]),
-        ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
-        ("luminance", light),
-        *_calibration(calibration).items(),
-        ("sensor", f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"),
-        ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),
-        *_capture(facts["metadata"]).items(),
-    ]
-    return [f"  {name:<{_COLUMN}}{value}" for name, value in rows]
+    head = {
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
+        "pattern": f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
+    }
+    rows = {
+        "network": facts["learned"] or "none for this pattern: rendered without learned colour",
+        "luminance": light,
+        **_calibration(calibration),
+        "sensor": f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}",
+        "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
+        **_capture(facts["metadata"]),
+    }
+    return [*head.items(), *(("", " ".join(row)) for row in pattern["letters"]), *rows.items()]
 
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
     """Rows that shots and camera files share."""
     lights = document.get("lights", ())
     estimated = ", estimated from the picture" if document.get("neutral_estimated") else ""
+    colour = "calibrated" if document["camera_to_xyz"] else "no matrix"
     rows = {
-        "levels": f"black {_row(document['black_level'])}, white {document['white_level']}",
-        "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
+        "levels": f"black {_values(document['black_level'])}, white {document['white_level']}",
+        "gamma": f"{_values(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
-        "colour": "calibrated under two lights" if lights else "calibrated" if document["camera_to_xyz"] else "no matrix",
-        **{f"  {each['illuminant']}": f"{_matrix(each['camera_to_xyz'])}; white {_row(each['neutral'])}" for each in lights},
-        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown") + estimated,
+        "colour": "calibrated under two lights" if lights else colour,
     }
+    for light in lights:
+        matrix = _matrix(light["camera_to_xyz"])
+        rows[f"  {light['illuminant']}"] = f"{matrix}; white {_values(light['neutral'])}"
+    neutral = _values(document["neutral"]) if document["neutral"] else "unknown"
+    rows["neutral"] = neutral + estimated
     if "shading" in document:
         rows["shading"] = f"{Shading(**document['shading']).words}; undone"
     if "aberration" in document:
@@ -199,17 +217,18 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:
     """Rows for the known capture data, with units."""
     seconds = metadata["exposure_time"]
-    exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
+    texts = ("make", "model", "lens", "artist", "copyright", "description")
+    place, altitude = metadata["place"], metadata["altitude"]
     rows = {
-        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description")},
+        **{name: metadata[name] for name in texts},
         "taken": metadata["taken"] and f"{metadata['taken']}{metadata['zone']}",
-        "place": metadata["place"] and "{:.6f}, {:.6f} (latitude, longitude)".format(*metadata["place"]),
-        "altitude": metadata["altitude"] is not None and f"{metadata['altitude']:g} m",
-        "exposure": exposure,
+        "place": place and "{:.6f}, {:.6f} (latitude, longitude)".format(*place),
+        "altitude": altitude is not None and f"{altitude:g} m",
+        "exposure": seconds and (f"1/{1 / seconds:.0f} s" if seconds < 0.4 else f"{seconds:g} s"),
         "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
         "ISO": metadata["iso"] and f"{metadata['iso']}",
         "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
-        "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
+        "orientation": metadata["orientation"] != 1 and f"{metadata['orientation']} (of TIFF)",
     }
     return {name: value for name, value in rows.items() if value}
 
@@ -218,15 +237,16 @@ def _noise(noise: dict[str, Any] | None) -> str:
     if noise is None:
         return "unknown"
     if not any(noise["shot"]):
-        return f"sigma {_row(noise['read'])} scene units"
-    return f"variance = {_row(noise['shot'])} x signal + ({_row(noise['read'])})^2, scene units"
+        return f"sigma {_values(noise['read'])} scene units"
+    shot, read = _values(noise["shot"]), _values(noise["read"])
+    return f"variance = {shot} x signal + ({read})^2, scene units"
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> str:
     return " / ".join(" ".join(f"{value:+.4f}" for value in row) for row in rows)
 
 
-def _row(values: tuple[float, ...]) -> str:
+def _values(values: tuple[float, ...]) -> str:
     """The values; a single one where all are equal."""
     shown = values[:1] if len(set(values)) == 1 else values
     return " ".join(f"{value:.6g}" for value in shown)

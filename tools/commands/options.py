@@ -36,10 +36,14 @@ def value(convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] 
     return typed
 
 
-def numbers(count: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
-    """Return the type of an option that takes numbers with commas between them, `count` of them or any number."""
-    expected = f"{count or 'a list of'} numbers with commas between them, such as {example}"
-    return value(lambda text: tuple(map(_fraction, text.split(","))), expected, lambda result: count in (None, len(result)))
+def numbers(number: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
+    """Return the type of an option that takes numbers with commas between them, `number` of them or any number."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        return tuple(map(_fraction, text.split(",")))
+
+    expected = f"{number or 'a list of'} numbers with commas between them, such as {example}"
+    return value(convert, expected, lambda result: number in (None, len(result)))
 
 
 def _fraction(text: str) -> float:
@@ -52,7 +56,7 @@ def names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _place(text: str) -> tuple[int, int]:
+def _row_and_column(text: str) -> tuple[int, int]:
     row, column = text.split(",")
     return int(row), int(column)
 
@@ -62,6 +66,8 @@ natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_fraction, "a number, or a fraction such as 1/4")
 file_name = value(str, "the name of a file", bool)  # an empty variable of a shell
+_origin = value(_row_and_column, "a row and a column, such as 2,3")
+_size = value(parse_bytes, "a size such as 800M or 4G")
 
 
 def text(argument: str) -> str:
@@ -69,71 +75,71 @@ def text(argument: str) -> str:
     return os.fsencode(argument).decode("utf-8", "replace")
 
 
-_SWITCH = {"action": "store_true"}
-_SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
-    "output": (("-o", "--output"), {"metavar": "DIR", "required": True}),
-    "resume": (("--resume",), {**_SWITCH, "help": "keep results that are up to date, replace outdated ones"}),
-    "overwrite": (("--overwrite",), {**_SWITCH, "help": "replace results that exist already"}),
-    "dry-run": (("-n", "--dry-run"), {**_SWITCH, "help": "write nothing, only say what would be done"}),
-    "json": (("--json",), {**_SWITCH, "help": "print one JSON object per result to stdout"}),
-    "camera": (("--camera",), {"metavar": "FILE", "type": file_name, "help": "camera.json: the calibration of the sensor"}),
-    "pattern": (
-        ("--pattern",),
-        {
-            "metavar": "PATTERN",
-            "help": "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
-            f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
-            "or a file with them, one row on each line (default: K=6, or the camera's)",
-        },
-    ),
-    "origin": (
-        ("--origin",),
-        {
-            "metavar": "ROW,COLUMN",
-            "type": value(_place, "a row and a column, such as 2,3"),
-            "help": "position of the first block (default: 0,0)",
-        },
-    ),
-    "sensor-bits": (
-        ("--bits",),
-        {"metavar": "N", "dest": "sensor_bits", "type": int, "help": f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"},
-    ),
-    "linear": (("--linear",), {**_SWITCH, "help": "take the values of pictures as linear light, whatever the files say"}),
-    "seed": (("--seed",), {"metavar": "N", "type": natural, "default": 0, "help": "seed of the noise (default: 0)"}),
-    "quality": (("--quality",), {"metavar": "N", "type": int, "help": "quality of a JPEG, 1 (small) to 100 (default: 95)"}),
-    "scale": (
-        ("--scale",),
-        {"metavar": "N", "type": int, "help": "sensor pixels per picture pixel, in each direction; must divide the period"},
-    ),
-    "latest": (("--latest",), {"metavar": "LINK", "type": Path, "help": "keep a symbolic link with this name to the latest shot"}),
-    "jobs": (("-j", "--jobs"), {"metavar": "N", "type": count, "help": "processes at a time"}),
-    "max-memory": (
-        ("--max-memory",),
-        {
-            "metavar": "SIZE",
-            "type": value(parse_bytes, "a size such as 800M or 4G"),
-            "help": "memory for all processes together, for example 4G (default: most of the free memory)",
-        },
-    ),
-    "scheduler": (
-        ("--scheduler",),
-        {"metavar": "ADDRESS", "type": file_name, "help": "do the work on the workers of this dask scheduler, tcp://HOST:PORT"},
-    ),
+Option = tuple[list[str], dict[str, Any]]
+"""Names of an option, and the settings of `add_argument`."""
+
+
+def _option(names: str, metavar: str, about: str | None = None, **settings: Any) -> Option:
+    return names.split(), {"metavar": metavar, "help": about, **settings}
+
+
+def _switch(names: str, about: str) -> Option:
+    return names.split(), {"action": "store_true", "help": about}
+
+
+_PATTERN = (
+    "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
+    f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
+    "or a file with them, one row on each line (default: K=6, or the camera's)"
+)
+_CAMERA = "camera.json: the calibration of the sensor"
+_RECALIBRATED = f"{_CAMERA}, in place of the one in the shots"
+_ORIGIN = "position of the first block (default: 0,0)"
+_LINEAR = "take the values of pictures as linear light, whatever the files say"
+_QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
+_LATEST = "keep a symbolic link with this name to the latest shot"
+_SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
+_MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
+_SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
+_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
+_SHARED = {
+    "output": _option("-o --output", "DIR", required=True),
+    "resume": _switch("--resume", "keep results that are up to date, replace outdated ones"),
+    "overwrite": _switch("--overwrite", "replace results that exist already"),
+    "dry-run": _switch("-n --dry-run", "write nothing, only say what would be done"),
+    "json": _switch("--json", "print one JSON object per result to stdout"),
+    "camera": _option("--camera", "FILE", _CAMERA, type=file_name),
+    "recalibrate": _option("--camera", "FILE", _RECALIBRATED, type=file_name),
+    "pattern": _option("--pattern", "PATTERN", _PATTERN),
+    "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
+    "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
+    "linear": _switch("--linear", _LINEAR),
+    "seed": _option("--seed", "N", "seed of the noise (default: 0)", type=natural, default=0),
+    "quality": _option("--quality", "N", _QUALITY, type=int),
+    "scale": _option("--scale", "N", _SCALE, type=int),
+    "latest": _option("--latest", "LINK", _LATEST, type=Path),
+    "jobs": _option("-j --jobs", "N", "processes at a time", type=count),
+    "max-memory": _option("--max-memory", "SIZE", _MEMORY, type=_size),
+    "scheduler": _option("--scheduler", "ADDRESS", _SCHEDULER, type=file_name),
 }
 
 
 def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> None:
     """Add shared options, in this order. changed: settings of `add_argument` that differ from the shared ones."""
-    for name in options:
-        flags, settings = _SHARED[name]
-        group.add_argument(*flags, **settings | changed)
+    for option in options:
+        names, settings = _SHARED[option]
+        group.add_argument(*names, **settings | changed)
 
 
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
-    for each in PROTOCOLS.values():
-        settings: dict[str, Any] = {"metavar": each.metavar, "type": factor, "help": each.help}
-        parser.add_argument(f"--{each.option}", **settings | changed)
+    for protocol in PROTOCOLS.values():
+        settings: dict[str, Any] = {
+            "metavar": protocol.metavar,
+            "type": factor,
+            "help": protocol.help,
+        }
+        parser.add_argument(f"--{protocol.option}", **settings | changed)
 
 
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
@@ -152,7 +158,10 @@ def pixel_limit() -> int:
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     """The kind of noise, and its level or levels, None without. Raises InputError for --sigma together with --light."""
-    return chosen_protocol(None, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
+    return chosen_protocol(
+        None,
+        {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS.values()},
+    )
 
 
 def camera_of(arguments: argparse.Namespace, stated: CfaPattern | None = None) -> tuple[Camera | None, CfaPattern]:

@@ -20,19 +20,21 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         if each.about or each.aliases
     )
     group = parser.add_argument_group("the picture")
-    group.add_argument(
-        "-f", "--format", type=_format, choices=tuple(FORMATS), default="tif", metavar="FORMAT", help=f"{formats} (default: tif)"
-    )
-    group.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
+    kinds: dict[str, Any] = {"choices": tuple(FORMATS), "default": "tif", "help": f"{formats} (default: tif)"}
+    group.add_argument("-f", "--format", metavar="FORMAT", type=_format, **kinds)
+    bits = "bits per sample (default: the usual ones of the format)"
+    group.add_argument("--bits", type=int, choices=(8, 16, 32), help=bits)
     lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
     add(group, "quality", help=f"for {lossy}: 1 (small) to 100 (default: 95)")
     spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
-    group.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
+    space = "colour space; camera: scene units (default: the usual one of the format)"
+    group.add_argument("--space", choices=spaces, help=space)
     exposure = "brighten the picture by this many stops; negative ones darken it, and what is clipped stays white (default: 0)"
     group.add_argument("--exposure", metavar="STOPS", type=float, default=0.0, help=exposure)
     balance = "white balance: camera (as shot, the default), auto (estimated from the picture), or multipliers such as 2.1,1,1.6"
-    group.add_argument("--wb", metavar="BALANCE", type=WhiteBalance.parse, default="camera", help=balance)
-    add(group, "camera", help="camera.json: the calibration of the sensor, in place of the one in the shots")
+    parse = WhiteBalance.parse
+    group.add_argument("--wb", metavar="BALANCE", type=parse, default="camera", help=balance)
+    add(group, "recalibrate")
     published = "; paper: the published method, literally" if "paper" in presets else ""
     preset = f"best (the default); unlearned: without the networks that correct luminance and colour{published}"
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)

@@ -7,6 +7,7 @@ cameras with the pattern of a shot, for another ONNX runtime; device/preview/con
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 from ...shared import read_camera, read_dng
 from ...shared.errors import InputError
@@ -26,13 +27,12 @@ EXAMPLE = "panchroma preview shots -o previews --scale 2"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
     add_shots(parser)
-    add(parser, "output", required=False, help="folder for STEM.jpg (subfolders are kept), created if missing")
+    folder = "folder for STEM.jpg (subfolders are kept), created if missing"
+    add(parser, "output", required=False, help=folder)
     export = "write the graph for the pattern of one SHOT; without -o nothing else"
     parser.add_argument("--export", metavar="FILE.onnx", type=file_name, help=export)
     add(parser, "scale", default=1)
-    add(parser, "quality")
-    add(parser, "camera", help="camera.json: the calibration of the sensor, in place of the one in the shots")
-    add(parser, "overwrite", "json")
+    add(parser, "quality", "recalibrate", "overwrite", "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -61,7 +61,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
         write_durably(job.output, jpeg, overwrite=arguments.overwrite)
         rows, columns = picture.shape[:2]
-        facts = {"output": str(job.output), "width": columns, "height": rows, "preview_ms": round(milliseconds, 1)}
+        facts: dict[str, Any] = {"output": str(job.output), "width": columns, "height": rows}
+        facts["preview_ms"] = round(milliseconds, 1)
         return Outcome(facts, (f"{job.output}: {columns} x {rows}, {milliseconds:.0f} ms",))
 
     found = search(arguments.shots, DNGS, output=folder)
@@ -76,7 +77,9 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
     if path.suffix != ".onnx":
         raise InputError(f"{path}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
     if len(arguments.shots) > 1:
-        raise InputError(f"--export writes the graph for the pattern of one shot, and {len(arguments.shots)} are named")
-    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=pixel_limit()).pattern, arguments.scale)
+        number = f"{len(arguments.shots)} are named"
+        raise InputError(f"--export writes the graph for the pattern of one shot, and {number}")
+    shot = read_dng(arguments.shots[0], max_pixels=pixel_limit())
+    graph = preview_graph(shot.pattern, arguments.scale)
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")

@@ -7,6 +7,7 @@ what each picture was made from; with --resume an interrupted run continues, and
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from ...shared.errors import InputError
 from ..batch.cluster import SchedulerGoneError
@@ -28,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", help="folder for STEM.EXT (subfolders are kept), created if missing")
     add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
-    add(group, "jobs", help="processes at a time (default: 1, or for many shots what cores and memory allow)")
+    jobs = "processes at a time (default: 1, or for many shots what cores and memory allow)"
+    add(group, "jobs", help=jobs)
     add(group, "scheduler")
     add(parser, "json")
 
@@ -40,22 +42,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     order = Order(**order_fields(arguments))
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
-    planned = plan(
-        found.sources,
-        lambda source: [f"{Path(source).stem}{order.kind.suffix}"],
-        order.folder,
-        dry_run=order.dry_run,
-    )
+
+    def names(source: str) -> list[str]:
+        return [f"{Path(source).stem}{order.kind.suffix}"]
+
+    planned = plan(found.sources, names, order.folder, dry_run=order.dry_run)
     shots, all_possible = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
     try:
-        states = render_all(
-            order,
-            shots,
-            console,
-            jobs=arguments.jobs,
-            memory=arguments.max_memory,
-            scheduler=arguments.scheduler,
-        )
+        where: dict[str, Any] = {"jobs": arguments.jobs, "scheduler": arguments.scheduler}
+        states = render_all(order, shots, console, memory=arguments.max_memory, **where)
     except SchedulerGoneError as error:
         console.error(f"{error}, with --resume")
         return FAILED

@@ -14,6 +14,7 @@ import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -57,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_noise(light)
     add(light, "seed")
     shading = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
-    light.add_argument("--shading", metavar="STOPS,PERCENT", type=numbers(example="2,15"), help=shading)
+    stops = numbers(example="2,15")
+    light.add_argument("--shading", metavar="STOPS,PERCENT", type=stops, help=shading)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
     frames = "make N frames, STEM-1.dng to STEM-N.dng; the first has not moved"
     burst.add_argument("--burst", metavar="N", type=count, help=frames)
@@ -67,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a minus; the files state it as "
         "exposure time (default: all are exposed alike)"
     )
-    burst.add_argument("--bracket", metavar="EV,EV,...", type=numbers(example="0,-2,2"), default=(), help=bracket)
+    stops = numbers(example="0,-2,2")
+    burst.add_argument("--bracket", metavar="EV,EV,...", type=stops, default=(), help=bracket)
     reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"
     parser.add_argument("--reduce", metavar="N", type=count, default=1, help=reduced)
     add(parser, "linear")
@@ -91,63 +94,65 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lens.check(known.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
-    previews, limit = Previews(), pixel_limit()
+    previews = Previews()
+    load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
+    write = partial(write_durably, overwrite=arguments.overwrite)
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
-        shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
-        truth = [f"{stem}{TRUTH}", f"{stem}{TRUTH_PICTURE}"]
-        beside = [*truth, *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
-        return [*(f"{shot}.{arguments.format}" for shot in shots), *beside]
+        numbered = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)]
+        beside = (TRUTH, TRUTH_PICTURE, ".motion.json")[: 2 + is_series] if arguments.truth else ()
+        shots = [f"{shot}.{arguments.format}" for shot in (numbered if is_series else [stem])]
+        return [*shots, *(f"{stem}{ending}" for ending in beside)]
 
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
 
     def work(job: Job, progress: StageProgress) -> Outcome:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
-        taken: dict[str, SimulatedFrame] = {}
+        motions: dict[str, SimulatedFrame] = {}
         missing: tuple[str, ...] = ()
         progress.stage("reading", 1)
-        scene = load_scene(job.source, linear=arguments.linear, max_pixels=limit, channels=pattern.channels)
-        frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
+        scene = load(job.source, linear=arguments.linear)
+        hand = random(shots[0].with_suffix(".motion"))
+        frames = burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
-        for shot in shots:
-            frame = next(frames)
+        for shot, frame in zip(shots, frames, strict=True):
             exposed = camera.shoot(scene, random(shot), frame)
             mosaic = exposed.mosaic
             job.make_folders()
             if arguments.format == RAW:
-                write_durably(shot, mosaic.codes.astype("<u2").tobytes(), overwrite=arguments.overwrite)
+                write(shot, mosaic.codes.astype("<u2").tobytes())
             else:
                 write_dng(shot, mosaic, previews(mosaic), overwrite=arguments.overwrite)
-            if not taken and beside:
+            if not motions and beside:
                 missing = _write_truth(exposed, beside[:2], overwrite=arguments.overwrite)
-            taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
+            motions[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
             progress.advance()
         for path in beside[2:]:
-            write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        noted.append((job.source, (*exposed.notes, *missing)))
+            write(path, motion_text(motions, mosaic.shape).encode())
+        notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
-        lines = [f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits" for shot in shots]
+        shown = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
+        lines = [f"{shot}: {shown}" for shot in shots]
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
         if is_series:
             facts["reference"] = str(shots[0])
         if is_series and beside:
-            lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; panchroma burst --reference {shots[0]} shows the same")
+            same = f"panchroma burst --reference {shots[0]} shows the same"
+            lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; {same}")
         return Outcome(facts, tuple(lines))
 
-    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
-    searched = found.report(console)
-    noted: list[tuple[str, tuple[str, ...]]] = []
-    code = run_jobs(
-        plan(found.sources, names, folder),
-        work,
-        console,
-        overwrite=arguments.overwrite,
-        listen=lambda job: console.progress(job.source),
-    )
-    console.notes(noted)
+    def listen(job: Job) -> StageProgress:
+        return console.progress(job.source)
+
+    scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
+    searched = scenes.report(console)
+    notes: list[tuple[str, tuple[str, ...]]] = []
+    jobs = plan(scenes.sources, names, folder)
+    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite, listen=listen)
+    console.notes(notes)
     return code if searched else FAILED
 
 
@@ -159,9 +164,8 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) ->
         try:
             development.check()
         except InputError:
-            return (
-                f"no {TRUTH_PICTURE}: the colours of the channels {mosaic.calibration.channels} are unknown, or those of no light",
-            )
+            unknown = f"the colours of the channels {mosaic.calibration.channels} are unknown, or those of no light"
+            return (f"no {TRUTH_PICTURE}: {unknown}",)
         write_picture(path, [exposed.truth], development, overwrite=overwrite)
     return ()
 

@@ -10,6 +10,8 @@ import argparse
 import re
 import threading
 from contextlib import closing
+from functools import partial
+from typing import Any
 
 from ...shared.errors import InputError
 from ..batch.console import Console, fault
@@ -42,16 +44,20 @@ _address = value(_host_and_port, f"an address and a port, such as {_HOST}:{_PORT
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma view`."""
     add_source(parser)
-    add(parser, "output", required=False, help="folder for shots, created if missing; without it there is no button")
+    folder = "folder for shots, created if missing; without it there is no button"
+    add(parser, "output", required=False, help=folder)
     interface = (
         "network interface that serves the page, and port, 0 for any free one (default: 127.0.0.1:8000, for this machine alone; "
         "0.0.0.0 for everybody on the network)"
     )
-    parser.add_argument("--bind", metavar="ADDRESS:PORT", type=_address, default=f"{_HOST}:{_PORT}", help=interface)
+    usual = f"{_HOST}:{_PORT}"
+    address = "ADDRESS:PORT"
+    parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     name = (
         "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
     )
-    parser.add_argument("--host", metavar="NAME", type=_host_name, action="append", default=[], help=name)
+    repeated: dict[str, Any] = {"action": "append", "default": [], "help": name}
+    parser.add_argument("--host", metavar="NAME", type=_host_name, **repeated)
     add(parser, "scale", "latest")
 
 
@@ -70,9 +76,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         failed = True
         console.error(str(error))
 
-    page = ViewfinderServer(arguments.bind, view.finder, lambda error: console.error(fault(error), cause=error), arguments.host)
+    def report(error: BaseException) -> None:
+        console.error(fault(error), cause=error)
+
+    page = ViewfinderServer(arguments.bind, view.finder, report, arguments.host)
     with closing(source), Stopping() as stopping, page as server:
-        threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
+        serve = partial(server.serve_forever, 0.1)
+        threading.Thread(target=serve, name="viewfinder", daemon=True).start()
         console.say(f"the viewfinder is at {server.url}")
         try:
             view.show(stopping, refused, console.note)

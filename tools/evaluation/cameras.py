@@ -8,9 +8,8 @@ import numpy as np
 
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import FloatArray
-from ..io.scene import RGB, Scene
+from ..io.scene import Scene
 from ..simulation.bayer import channel_map, check_mosaic, sample_bayer
-from ..simulation.filters import Filters
 from ..simulation.noise import BayerShot, Protocol
 from ..simulation.simulated_camera import SimulatedCamera
 from .tiles import filters_of
@@ -29,11 +28,10 @@ class CameraPair:
 
     level: the noise.
     seed: of the noise.
-    truth: light of the scene, (H, W, N), scene units.
+    truth: light of the scene, (H, W, 3), scene units.
     pattern: of the sparse-colour camera.
     neutral: what white reads in the scene, one value per channel; None = unknown.
     part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
-    channels: the N letters of the scene's channels. A Bayer camera takes red, green and blue ones only.
     """
 
     level: Protocol
@@ -42,17 +40,16 @@ class CameraPair:
     pattern: CfaPattern
     neutral: tuple[float, ...] | None
     part: tuple[slice, slice] = (slice(None), slice(None))
-    channels: str = RGB
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
-        """Render the sparse-colour shot. Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
+        """Render the sparse-colour shot. Returns float32 (H, W, 3) in scene units of the scene, whatever exposure and filters were.
 
         A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
-        mixing = np.array(self._filters.matrix)
-        if np.array_equal(mixing, np.eye(len(self.channels))):
+        mixing = np.array(filters_of(self.pattern).matrix)
+        if np.array_equal(mixing, np.eye(3)):
             return picture
         return (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
 
@@ -64,10 +61,6 @@ class CameraPair:
         return white
 
     @property
-    def _filters(self) -> Filters:
-        return filters_of(self.pattern, self.channels)
-
-    @property
     def _rng(self) -> np.random.Generator:
         return np.random.default_rng(self.seed)  # the same for every scene and method
 
@@ -75,7 +68,7 @@ class CameraPair:
     def sparse(self) -> Mosaic:
         """The shot of the sparse-colour camera; its calibration states the noise."""
         # The scene without its colours: filters are what all channels have in common.
-        scene, level = Scene(self.truth, "", channels=self.channels), self.level.scaled(self._filters.unit)
+        scene, level = Scene(self.truth, ""), self.level.scaled(filters_of(self.pattern).unit)
         shot = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits).shoot(scene, self._rng).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 

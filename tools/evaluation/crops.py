@@ -129,8 +129,9 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     for level in dict.fromkeys((levels[0], levels[-1])):
         scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
         for why, most in REASONS.items():
-            known = [scene for scene in scores if why in scores[scene] and scores[scene][why].max() > 0]
-            for scene in sorted(known, key=lambda each: -scores[each][why].max())[:most]:
+            highest = {scene: of[why].max() for scene, of in scores.items() if why in of}
+            shown = [scene for scene in highest if highest[scene] > 0]
+            for scene in sorted(shown, key=highest.__getitem__, reverse=True)[:most]:
                 yield _crop(figures, scene, level, why, scores[scene])
 
 
@@ -208,9 +209,9 @@ def _crop(figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores:
     """Return the square with the highest score for a reason, and remove all that overlap it from all scores."""
     rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
     row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
-    near = np.logical_and.outer(abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW)
-    for each in scores.values():
-        each[near] = 0.0
+    overlaps = abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW
+    for squares in scores.values():
+        squares[np.ix_(*overlaps)] = 0.0
     size = [min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns)]
     methods = tuple(filter(None, (figures.study.ours, _rival(figures, scene, level))))
     return Crop(scene, level, why, methods, int(rows[row]), int(columns[column]), *size)
@@ -228,5 +229,6 @@ def _stops(scene: FloatArray, balanced: FloatArray) -> float:
     """
     whole = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
-    stops = min(max(log2(_BRIGHT / max(whole, _DARKEST)), 0.0), log2(_CROP_BRIGHT / max(crop, _DARKEST)))
+    brightened = max(log2(_BRIGHT / max(whole, _DARKEST)), 0.0)
+    stops = min(brightened, log2(_CROP_BRIGHT / max(crop, _DARKEST)))
     return min(max(stops, -_MOST_STOPS), _MOST_STOPS)

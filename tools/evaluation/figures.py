@@ -141,8 +141,10 @@ class Figures:
             group, what = cell.scene.group, (cell.method, cell.tile)
             pools.setdefault((Place(group, cell.level), *what), []).append(measures)
             alone[Place(group, cell.level, cell.scene.name), *what] = [measures]
-        whole = {key: each for key, each in pools.items() if len(each) == len(self.scenes(key[0].group))}
-        self._found = {key: Figure(*key, len(each), _values(each)) for key, each in (whole | alone).items()}
+        self._found: dict[_Key, Figure] = {}
+        for key, parts in (pools | alone).items():
+            if key in alone or len(parts) == len(self.scenes(key[0].group)):
+                self._found[key] = Figure(*key, len(parts), _values(parts))
         self.rows = list(self._found.values())
 
     def scenes(self, group: str) -> list[str]:
@@ -151,7 +153,8 @@ class Figures:
 
     def of(self, place: Place, method: str) -> Figure | None:
         """Return the figures of a method, with the study's pattern; None if there are none."""
-        return self._found.get((place, method, self.study.tile if self.study.method(method).ours else None))
+        tile = self.study.tile if self.study.method(method).ours else None
+        return self._found.get((place, method, tile))
 
     def best(self, place: Place, criterion: Criterion, names: Sequence[str]) -> str | None:
         """Return the best of some methods by a criterion; None where none has a figure."""
@@ -179,7 +182,8 @@ def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
     for plane, name in enumerate(PLANES):
         pooled = Histogram.pooled([each.patches[plane] for each in parts])
         found = pooled.quantiles() if len(parts) > 1 else parts[0].quality[plane]
-        values |= {f"{name}_q{round(100 * each)}": value for each, value in zip(QUANTILES, found, strict=True)}
+        for quantile, value in zip(QUANTILES, found, strict=True):
+            values[f"{name}_q{round(100 * quantile)}"] = value
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
     values["wrong_hue"] = float(np.mean([each.wrong_hue or 0.0 for each in parts]))

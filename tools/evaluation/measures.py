@@ -45,13 +45,9 @@ class Histogram(NamedTuple):
 
     def quantiles(self) -> Quantiles:
         """The four QUANTILES, dB, to within a bin."""
-        reached = np.cumsum(self.counts)
-        wanted = np.array(QUANTILES) * (reached[-1] - 1)
-        places = np.searchsorted(reached, wanted, side="right")
-        before = reached[places] - self.counts[places]
-        within = (wanted - before + 0.5) / self.counts[places]
-        decibels = _LOWEST + (self.bins[places] + within) * _STEP
-        lowest, low, middle, high = np.minimum(decibels, CAP).tolist()
+        middles = np.minimum(_LOWEST + (self.bins + 0.5) * _STEP, CAP)
+        weighted: Any = {"weights": self.counts, "method": "inverted_cdf"}
+        lowest, low, middle, high = np.quantile(middles, QUANTILES, **weighted).tolist()
         return lowest, low, middle, high
 
 
@@ -111,7 +107,8 @@ class Measures:
         """Inverse of `encode`. Raises InputError for anything else."""
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-                bins, counts = ([stored[f"{plane}_{name}"] for plane in PLANES] for name in Histogram._fields)
+                names = Histogram._fields
+                bins, counts = ([stored[f"{plane}_{name}"] for plane in PLANES] for name in names)
                 quality: Any = map(tuple, stored["quality"].tolist())
                 *psnr, hue = stored["whole"].tolist()[:4]  # files of old have a fifth
                 arrays: Any = {name: stored[name] for name in _ARRAYS}

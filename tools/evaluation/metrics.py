@@ -82,30 +82,25 @@ def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tupl
 
 
 def _squares(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
-    """Squared errors inside the border in RGB, luminance and chrominance, (h, w) each."""
-    inner = _inside(rendered, truth, border, size)
+    """Squared errors inside the border in RGB, luminance and chrominance, (h, w) each.
+
+    size: of the squares of which at least one has to fit.
+    Raises InputError as `patch_psnr` does.
+    """
+    if rendered.shape != truth.shape or rendered.ndim != 3:
+        shapes = f"rendered has shape {rendered.shape}, the truth {truth.shape}"
+        raise InputError(f"{shapes}; expected two pictures (rows, columns, channels) alike")
+    (rows, columns), least = truth.shape[:2], size + 2 * border
+    if min(rows, columns) < least:
+        missing = f"no square of {size} x {size} inside a border of {border}"
+        raise InputError(f"a picture of {columns} x {rows} pixels has {missing}; at least {least} pixels each way are needed")
     error: DoubleArray = rendered.astype(np.float64) - truth
     if not np.isfinite(error).all():
         raise InputError("a value is not finite (NaN or infinite): there is no PSNR")
-    error = error[inner]
+    error = error[border : rows - border, border : columns - border]
     luminance: DoubleArray = error.mean(axis=2)
     chrominance = error - luminance[..., None]
     return (error**2).mean(axis=2), luminance**2, (chrominance**2).mean(axis=2)
-
-
-def _inside(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[slice, slice]:
-    """Rows and columns inside the border. Raises InputError where the shapes differ, or no square of `size` pixels fits."""
-    if rendered.shape != truth.shape or rendered.ndim != 3:
-        raise InputError(
-            f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected two pictures (rows, columns, channels) alike"
-        )
-    rows, columns = truth.shape[:2]
-    if min(rows, columns) < size + 2 * border:
-        raise InputError(
-            f"a picture of {columns} x {rows} pixels has no square of {size} x {size} inside a border of {border}; "
-            f"at least {size + 2 * border} pixels each way are needed"
-        )
-    return slice(border, rows - border), slice(border, columns - border)
 
 
 def _decibels(mean_square: DoubleArray | np.float64) -> DoubleArray:

@@ -74,7 +74,8 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     for name, colour in zip(study.methods, cycle(_COLOURS)):
         found = [figures.of(Place(group, level), name) for level in levels]
         medians = [CRITERIA[plane].score(figure) for figure in found]
-        style, width = "o-" if study.method(name).ours else "s--", 2.4 if name == study.ours else 1.3
+        style = "o-" if study.method(name).ours else "s--"
+        width = 2.4 if name == study.ours else 1.3
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
     axes.set_xticks(places, [level.tick for level in levels])
@@ -85,7 +86,12 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
 def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
     """Return the exhibit of a reason in which ours and the best rival differ most, if there is one."""
     found = [each for each in exhibits if each.crop.why == why]
-    return sorted(found, key=lambda each: -abs(each.pictures[1].psnr[0] - each.pictures[2].psnr[0]))[:1]
+
+    def difference(exhibit: Exhibit) -> float:
+        _, ours, rival = exhibit.pictures
+        return abs(ours.psnr[0] - rival.psnr[0])
+
+    return sorted(found, key=difference, reverse=True)[:1]
 
 
 def _shown(exhibit: Exhibit) -> dict[str, Any]:
@@ -94,18 +100,20 @@ def _shown(exhibit: Exhibit) -> dict[str, Any]:
     where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
     if exhibit.stops:
         where += f", {'brightened' if exhibit.stops > 0 else 'darkened'} by {abs(exhibit.stops):.1f} stops"
+    pictures = [(part.title, part.psnr, embed_picture(part.pixels)) for part in exhibit.pictures]
     return {
         "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
         "where": where,
-        "look": _look(*(each.psnr for each in made)) if len(made) == 2 else "",
-        "pictures": [(each.title, each.psnr, embed_picture(each.pixels)) for each in exhibit.pictures],
+        "look": _look(*(part.psnr for part in made)) if len(made) == 2 else "",
+        "pictures": pictures,
     }
 
 
 def _look(ours: Psnr, rival: Psnr) -> str:
     """Return what to look at: the plane in which the better picture saves most of the other's mean squared error."""
     better, worse = max(ours, rival), min(ours, rival)
-    saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in zip(better, worse, strict=True)]
+    planes = zip(better, worse, strict=True)
+    saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in planes]
     luminance, chrominance = ours[1] - rival[1], ours[2] - rival[2]
     what = "fine detail and noise in brightness"
     if saved[2] > saved[1]:

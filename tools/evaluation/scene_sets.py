@@ -80,7 +80,8 @@ class Reading:
             if found == info.digest:
                 return scene
             _loaded.cache_clear()  # the file may have been another one when it was kept in memory
-        raise InputError(f"{info.source}: the picture has changed since the evaluation began; run it again")
+        changed = "the picture has changed since the evaluation began; run it again"
+        raise InputError(f"{info.source}: {changed}")
 
     def info(self, source: str) -> SceneInfo:
         """Facts about a scene. Raises InputError, without the name of the source, if it cannot be read or is too small."""
@@ -88,7 +89,8 @@ class Reading:
         scene, origin, found = _loaded(source, self)
         group = MEASURED if self.linear else _group(source, scene)
         neutral = _neutral(scene, group)
-        return SceneInfo(source, scene.name, group, found, *scene.shape, neutral, scene.notes, origin)
+        name, (rows, columns) = scene.name, scene.shape
+        return SceneInfo(source, name, group, found, rows, columns, neutral, scene.notes, origin)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
@@ -99,7 +101,8 @@ def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
-        raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
+        least = f"{_LEAST} each way at least, for one patch within the border"
+        raise InputError(f"{columns} x {rows} pixels are too few: {least}")
     return replace(scene, rgb=rgb), (origin[0], origin[1]), digest(rgb)
 
 
@@ -141,9 +144,11 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
     taken: set[str] = set()
     for scene in scenes:
         if scene.digest in kept:
-            remarks.append(f"{scene.source}: has the same pixels as {kept[scene.digest].source} and is measured once")
+            same = f"the same pixels as {kept[scene.digest].source}"
+            remarks.append(f"{scene.source}: has {same} and is measured once")
             continue
-        names = chain((scene.name, Path(scene.source).name), (f"{scene.name} ({number})" for number in count(2)))
+        numbered = (f"{scene.name} ({number})" for number in count(2))
+        names = chain((scene.name, Path(scene.source).name), numbered)
         name = next(name for name in names if name not in taken)
         taken.add(name)
         kept[scene.digest] = replace(scene, name=name)

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ...shared.errors import InputError, PanchromaError
 from ..batch.cluster import cluster
@@ -23,6 +23,7 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
+_FAILURES = PanchromaError, MemoryError  # of one scene or result; any other exception is a fault
 _REMEDY = "run again with fewer processes or a smaller `max_memory`; what was finished is kept"
 
 
@@ -38,13 +39,11 @@ class Team:
     console: shows progress, notes and failures.
     jobs: largest number of processes.
     memory: bytes for all of them together; it reduces their number.
-    scheduler: address of a dask scheduler, whose workers then do the work instead.
     """
 
     console: Console
     jobs: int
     memory: int
-    scheduler: str | None = None
 
     def processes(self, pixels: int) -> int:
         """How many processes fit into the memory when the largest scene has `pixels` pixels; at least 1."""
@@ -60,71 +59,82 @@ class Team:
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], []
-        for source, info in self._follow("reading scenes", reading.info, names, _USUAL_PIXELS):
+        results = self._run("reading scenes", reading.info, names, _USUAL_PIXELS)
+        for source, info in zip(names, results, strict=True):
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
-                error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with `max_memory`, or use `crop`")
+                remedy = "allow it with `max_memory`, or use `crop`"
+                error = InputError(f"needs about {format_bytes(needed)} of memory; {remedy}")
                 failures.append(self._fail(source, error))
             else:
                 scenes.append(info)
         self.console.notes((scene.source, scene.notes) for scene in scenes)
         scenes, remarks = distinct(scenes)
         left_out += remarks
-        for remark in left_out:
-            self.console.note(remark)
+        self.console.note(*left_out)
         if not scenes:
-            raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
+            expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
+            raise InputError(f"no scene could be read; {expected}")
         return scenes, failures, left_out
 
-    def measure(self, study: Study, folder: Path, todo: Sequence[Cell]) -> list[str]:
-        """Make and keep results. Returns a line for each that failed; it is shown to the user too."""
+    def measure(self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None) -> list[str]:
+        """Make and keep results. Returns a line for each that failed; it is shown to the user too.
+
+        scheduler: address of a dask scheduler, whose workers do the work instead of processes here.
+        """
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
-        found = self.together("measuring", partial(work, replace(study, scenes=()), folder.absolute()), todo, pixels, study.seconds)
-        failures = list(dict.fromkeys(line for lines in found for line in lines))
-        for line in failures:
-            self.console.error(line)
+        measure = partial(work, replace(study, scenes=()), folder.absolute())
+        how = {"length": study.seconds, "scheduler": scheduler}
+        results = self.together("measuring", measure, todo, pixels, **how)
+        failures = list(dict.fromkeys(line for lines in results for line in lines))
+        self.console.error(*failures)
         return failures
 
-    def together(
-        self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int, length: Callable[[T], float] = lambda _: 1.0
-    ) -> list[R]:
-        """Results of `each`, in the order of `pieces`. Raises InputError for the first that fails.
-
-        title: names the work for the user.
-        each: a function of a module, or a `partial` of one.
-        pieces: hashable.
-        pixels: of the largest scene that a piece needs.
-        length: share of a piece in the work.
-        """
+    def together(self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int, **how: Any) -> list[R]:
+        """Results in the order of the items. Raises InputError for the first that fails. Arguments as for `_run`."""
         results = []
-        for _, result in self._follow(title, each, pieces, pixels, length):
-            if isinstance(result, BaseException):
+        for result in self._run(title, function, items, pixels, **how):
+            if isinstance(result, Exception):
                 raise InputError(f"{title}: {result}") from result
             results.append(result)
         return results
 
-    def _follow(
-        self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int, length: Callable[[T], float] = lambda _: 1.0
-    ) -> "list[tuple[T, R | PanchromaError | MemoryError]]":
-        """(piece, result or error) of each piece, in their order; `length` is a piece's share of the work."""
-        if not pieces:
+    def _run(
+        self,
+        title: str,
+        function: Callable[[T], R],
+        items: Sequence[T],
+        pixels: int,
+        length: Callable[[T], float] = lambda _: 1.0,
+        scheduler: str | None = None,
+    ) -> list[R | PanchromaError | MemoryError]:
+        """Call a function for items; returns the results or errors in their order.
+
+        title: names the work for the user.
+        function: of a module, or a `partial` of one.
+        items: hashable.
+        pixels: of the largest scene that an item needs.
+        length: weight of an item in the time left.
+        scheduler: see `measure`.
+        """
+        if not items:
             return []
         ended: dict[T, R | PanchromaError | MemoryError] = {}
-        count, call = min(self.processes(pixels), len(pieces)), partial(_alone, each)
+        count, note = min(self.processes(pixels), len(items)), self.console.note
+        call = partial(_call, function)
         with ExitStack() as stack:
             progress = stack.enter_context(self.console.progress("evaluate"))
-            if self.scheduler is not None:
-                results = stack.enter_context(cluster(self.scheduler, self.console.note)).run(call, pieces, self.console.note)
-            elif count > 1:
-                results = stack.enter_context(processes(count, _REMEDY)).run(call, pieces, self.console.note)
+            if scheduler is None and count == 1:
+                results = one_by_one(call, items, lambda _: StageProgress(note=note))
             else:
-                results = one_by_one(call, pieces, lambda _: StageProgress(note=self.console.note))
-            for piece, result in follow(results, pieces, progress, title, length):
-                if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
+                pool = cluster(scheduler, note) if scheduler else processes(count, _REMEDY)
+                results = stack.enter_context(pool).run(call, items, note)
+            for item, result in follow(results, items, progress, title, length):
+                if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result
-                ended[piece] = result
-        return [(piece, ended[piece]) for piece in pieces]
+                ended[item] = result
+        return [ended[item] for item in items]
 
     def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
         line = " ".join(f"{source}: {reason(error)}".split())
@@ -133,6 +143,6 @@ class Team:
         return line
 
 
-def _alone(each: Callable[[T], R], piece: T, listener: StageProgress) -> R:
-    """A function of a piece, as work that has nothing to say."""
-    return each(piece)
+def _call(function: Callable[[T], R], item: T, listener: StageProgress) -> R:
+    """Adapt `function(item)` to `function(item, listener)`."""
+    return function(item)

@@ -60,20 +60,18 @@ class Tile:
 
 
 @lru_cache(maxsize=256)
-def filters_of(pattern: CfaPattern, channels: str = RGB) -> Filters:
-    """The filters of a pattern before any scene with these channels. Raises InputError as `filters_for` does."""
-    return filters_for(pattern, Scene(np.zeros((1, 1, len(channels)), np.float32), "", channels=channels))
+def filters_of(pattern: CfaPattern) -> Filters:
+    """The filters of a pattern before any scene in red, green and blue. Raises InputError as `filters_for` does."""
+    return filters_for(pattern, Scene(np.zeros((1, 1, len(RGB)), np.float32), ""))
 
 
-def chosen_tiles(periods: Iterable[int], others: Iterable[Tile]) -> tuple[Tile, ...]:
-    """Each pattern once and under a unique name: the paper's by rising period, then the others as they come.
-
-    Raises InputError for a pattern whose filters cannot be made from red, green and blue.
-    """
-    found: dict[str, Tile] = {}
-    for tile in chain(map(Tile.of_period, sorted(set(periods))), others):
-        if all(tile.pattern != other.pattern for other in found.values()):
-            filters_of(tile.pattern)
-            name = next(name for name in chain([tile.name], (f"{tile.name} ({n})" for n in count(2))) if name not in found)
-            found[name] = replace(tile, name=name)
-    return tuple(found.values())
+def distinct_tiles(tiles: Iterable[Tile]) -> tuple[Tile, ...]:
+    """Each pattern once and under a unique name. Raises InputError for filters that cannot be made from red, green and blue."""
+    by_name: dict[str, Tile] = {}
+    for tile in tiles:
+        filters_of(tile.pattern)
+        if all(tile.pattern != other.pattern for other in by_name.values()):
+            names = chain([tile.name], (f"{tile.name} ({number})" for number in count(2)))
+            name = next(name for name in names if name not in by_name)
+            by_name[name] = replace(tile, name=name)
+    return tuple(by_name.values())

@@ -45,7 +45,8 @@ def _lead(figures: Figures, lead: Lead) -> str:
     scenes = figures.leads(group, level)
     ahead = sum(scene.value >= EVEN for scene in scenes)
     short = figures.study.method(lead.rival).short
-    return f"{level.text} {lead.value:+.1f} dB ({short}), ahead on {ahead} of {_scenes(len(scenes))}"
+    count = _scenes(len(scenes))
+    return f"{level.text} {lead.value:+.1f} dB ({short}), ahead on {ahead} of {count}"
 
 
 def _weakest(figures: Figures, group: str) -> str:
@@ -56,8 +57,9 @@ def _weakest(figures: Figures, group: str) -> str:
     leads = [lead for each, criterion in places for lead in figures.leads(group, each, criterion)]
     worst = min(leads, key=lambda lead: lead.value)
     if worst.value <= -EVEN:
-        text = f"Its largest loss on a scene is {-worst.value:.1f} dB in {criteria[worst.criterion]}"
-        text += f" ({worst.place.scene}, {worst.place.level.text}, {study.method(worst.rival).short})"
+        loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
+        where = f"{worst.place.scene}, {worst.place.level.text}, {study.method(worst.rival).short}"
+        text = f"Its largest loss on a scene is {loss} ({where})"
     else:
         text = "It loses on no scene, in the median, the worst tenth or the whole image"
     place = Place(group, level)

@@ -20,7 +20,7 @@ UNIT = next(block for kind, block in BLOCKS if kind == "ini")
 
 
 def test_the_commands_print_what_the_page_says(tmp_path: Path) -> None:
-    (tmp_path / "panchroma").write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {shlex.join(PROGRAM)} "$@"\n')
+    (tmp_path / "panchroma").write_text(f'#!/bin/sh\nPYTHONPATH={ROOT}/tools/notebook exec {shlex.join(PROGRAM)} "$@"\n')
     (tmp_path / "panchroma").chmod(0o755)
     steps = "\n".join(f"{block}\necho ---\n" for kind, block in BLOCKS if kind == "sh")
     script = f"set -euo pipefail\nPATH={tmp_path}:$PATH\nmkdir empty; cd empty\n{steps}"

@@ -68,17 +68,13 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert not re.search(r'(?:src|href)="(?!data:)', page), "the page loads something"
     text = output.read_bytes()
     run("calibrate", folder, "-o", output, code=2)
-    run("calibrate", folder, "-o", output, "--overwrite", code=0)
-    assert output.read_bytes() == text, "equal frames make equal files"
+    assert output.read_bytes() == text
 
 
 def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_path: Path) -> None:
-    words = ("--dark", folder / "dark0.dng", folder / "dark1.dng", folder / "chart.dng")
-    outcome = run("calibrate", *words, "-o", tmp_path / "camera.json", "--json", code=1)
-    kinds = {Path(each["source"]).name: each.get("kind") for each in outcome.records}
-    assert (kinds["dark0.dng"], kinds["chart.dng"]) == ("dark", "shot")
-    said = "it is dark; a dark frame, or a folder of them, is given by `dark`"
-    assert f"dark1.dng: no ColorChecker was found: {said}" in outcome.err
+    words = ("--dark", folder / "dark0.dng", folder / "chart.dng")
+    outcome = run("calibrate", *words, "-o", tmp_path / "camera.json", "--json", code=0)
+    assert [record.get("kind") for record in outcome.records[:2]] == ["dark", "shot"]
 
 
 def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> None:
@@ -125,6 +121,8 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     record = calibrated(folder, output, "dark")
     assert record["verdict"] == "use it with care"
     assert any("gamma was not measured" in warning for warning in record["warnings"])
+    calibrated(folder, tmp_path / "again.json", "dark")
+    assert (tmp_path / "again.json").read_bytes() == output.read_bytes(), "equal frames make equal files"
     # A gamma that is known already stays, whatever becomes of further charts.
     calibrated(folder, output, "chart")
     known = read_camera(output).calibration.gamma
@@ -175,27 +173,14 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     np.testing.assert_allclose((found.shot, found.read), (typical.shot, typical.read), rtol=0.05)
 
 
-def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "camera.json"
-    matrix = ((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0))
-    known = camera(GAMMA, camera_to_xyz=matrix, defects=((1, 2), (3, 4)))
-    write_camera(path, known)
-    assert read_camera(path) == known
-    lines = path.read_text().splitlines()
-    assert "    [0.3, 1.0, 0.1]," in lines
-    assert '  "sensor": "bench",' in lines
-
-
 REFERENCE = color_checker_xyz()
 NAMES = [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
 BY_ROW = [f"{'ABCD'[index // 6]}{index % 6 + 1}" for index in range(24)]
 XYZ, LAB = "XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"
 
 
-def exchanged(one: int, other: int) -> np.ndarray:
-    order = np.arange(24)
-    order[[one, other]] = other, one
-    return REFERENCE[order]
+ONE_PAIR = np.arange(24)
+ONE_PAIR[[7, 12]] = 12, 7
 
 
 def read(path: Path, text: str) -> np.ndarray:
@@ -235,7 +220,7 @@ WRONG = {
     "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
     "says D65": (cgats(REFERENCE, header='W "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
     "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "one pair": (cgats(100 * exchanged(7, 12)), "colour of B2 .* is that of A3 .* and 2 patches"),
+    "one pair": (cgats(100 * REFERENCE[ONE_PAIR]), "colour of B2 .* is that of A3 .* and 2 patches"),
 }
 
 

@@ -1,23 +1,17 @@
 """`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
 
 import errno
-import json
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 
-from panchroma.offline import compile_kernel
-from panchroma.offline.ahead import used_kernels
-from panchroma.offline.numerics.compile import _folder_of, kernels
+from panchroma.tools.batch.console import Console
 from panchroma.tools.commands import doctor
 from panchroma.tools.commands.doctor import BAD, GOOD, MISSING, Finding
 from panchroma.tools.io.versions import package_version
-from tests.python import run_python
-from tests.tools.command import run, spawn
+from tests.tools.command import run
 from tests.tools.test_base_install import camera
 
 
@@ -99,29 +93,13 @@ def test_a_folder_that_cannot_be_synced_is_said_and_not_wrong(unsynced_folders: 
     assert (finding.state, "cannot be synced" in finding.found, finding.remedy) == (GOOD, True, "")
 
 
-def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) -> None:
-    elsewhere = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    missing = ("mix", "smooth")
-    for name in set(used_kernels()) - set(missing):
-        compile_kernel(name)
-    line = (
-        "import json, os, sys; os.environ['NUMBA_CACHE_DIR'] = sys.argv[1]\n"
-        "from panchroma.offline.ahead import used_kernels; from panchroma.offline.numerics.compile import _folder_of, kernels\n"
-        "used_kernels(); print(json.dumps({name: str(_folder_of(each._function)) for name, each in kernels.items()}))"
-    )
-    for name, folder in json.loads(run_python(line, tmp_path)).items():  # each package has a folder of its own
-        shutil.copytree(_folder_of(kernels[name]._function), folder, dirs_exist_ok=True)
-    for path in tmp_path.rglob("*.nb?"):
-        if path.name.split(".")[1].partition("-")[0] in missing:
-            path.unlink()
-    first, second = (spawn("doctor", "--compile", "--json", env=elsewhere, code=0).records[0] for _ in range(2))
-    assert (first["check"], first["found"][:13]) == ("compilation", "2 kernels in ")
-    assert second["found"] == "all kernels were compiled already"
-
-
-def test_what_cannot_be_compiled_ahead_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    missing = iter([["mix"], [], [], [], ["mix"], ["mix"]])  # before and after each of three runs
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda: next(missing))
+    compiled, again, kept_nowhere = (doctor._compiled(Console(quiet=True)) for _ in range(3))
+    assert (compiled.state, compiled.found[:13]) == (GOOD, "1 kernels in ")
+    assert (again.state, again.found) == (GOOD, "all kernels were compiled already")
+    assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "could not keep mix")
     monkeypatch.setattr("panchroma.offline.kernels_to_compile", failing(RuntimeError("no locator available")))
-    found = run("doctor", "--compile", "--json", code=1).records[0]
-    assert (found["state"], "NUMBA_CACHE_DIR" in found["remedy"]) == (BAD, True)
-    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda: ["mix"])
-    assert run("doctor", "--compile", "--json").records[0]["found"] == "could not keep mix"
+    finding = doctor._compiled(Console(quiet=True))
+    assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)

@@ -7,7 +7,7 @@ import pytest
 
 from panchroma.tools.evaluation.crops import AHEAD, BEHIND, render_crops
 from panchroma.tools.evaluation.page import build_page
-from panchroma.tools.evaluation.tiles import chosen_tiles
+from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.evaluation.verdict import judge
 from tests.browser import Browser
 from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
@@ -16,7 +16,7 @@ from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    study = study_of(folder, tiles=chosen_tiles([4, 6], [KODAK]), methods=("paper", "bilinear", "dlmmse", "dcb"))
+    study = study_of(folder, tiles=(Tile.of_period(4), Tile.of_period(6), KODAK), methods=("paper", "bilinear", "dlmmse", "dcb"))
     figures = measured(study, folder)
     path = folder / "evaluation.html"
     path.write_bytes(build_page(figures, render_crops(figures, alone()), "panchroma 1", ["<b>odd</b>.png: cannot be read"]))

@@ -10,7 +10,6 @@ from panchroma.shared import SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError
 from panchroma.shared.pattern import CfaPattern
-from panchroma.tools.batch.console import Console
 from panchroma.tools.evaluation import methods as registry
 from panchroma.tools.evaluation import study as module
 from panchroma.tools.evaluation.crops import WORST, Crop, render_exhibit
@@ -18,7 +17,6 @@ from panchroma.tools.evaluation.figures import Place
 from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.study import FOLDER, Cell, Study, collect, missing_cells, name_cell, work
-from panchroma.tools.evaluation.team import Team, needed_memory
 from panchroma.tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
@@ -191,9 +189,3 @@ def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.M
     lines = works(study, tmp_path, todo)
     assert lines[0].endswith("scene0.npy: dlmmse, no noise: stopped at 500 iterations")
     assert (len(lines), len(collect(study, tmp_path))) == (2, 2)
-
-
-def test_processes_share_the_memory() -> None:
-    one = needed_memory(10**6)
-    assert one == 250 * 2**20 + 400 * 10**6
-    assert [Team(Console(), 4, memory).processes(10**6) for memory in (one - 1, one, 3 * one, 100 * one)] == [1, 1, 3, 4]

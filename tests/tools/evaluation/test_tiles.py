@@ -7,7 +7,7 @@ from panchroma.shared import CfaPattern
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
-from panchroma.tools.evaluation.tiles import Tile, chosen_tiles, filters_of
+from panchroma.tools.evaluation.tiles import Tile, distinct_tiles, filters_of
 from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.pattern_text import read_pattern
 
@@ -23,20 +23,14 @@ def test_patterns_have_readable_names(tmp_path: Path) -> None:
     path = tmp_path / "mine.txt"
     path.write_text("CMWW\nYCWW\nWWWW\nWWWW\n")
     texts = (KODAK, str(path), "CMWW/YCWW/WWWW/WWWW", "RGWW/GBWW/WWWW/WWWW", "GRWW/BGWW/WWWW/WWWW")
-    assert [named(text).name for text in texts] == [
-        "Kodak",
-        "mine",
-        "CMWW/YCWW/WWWW/WWWW",
-        "K=4",
-        "GRWW/BGWW/WWWW/WWWW",
-    ]
+    assert [named(text).name for text in texts] == ["Kodak", "mine", texts[2], "K=4", texts[4]]
 
 
 def test_each_pattern_is_there_once_under_a_name_of_its_own() -> None:
     other = Tile("K=6", CfaPattern.bayer(6, "BGGR"))
-    tiles = chosen_tiles([6, 4, 6], [named(KODAK), named("RGWW/GBWW/WWWW/WWWW"), named(KODAK), other])
-    assert [tile.name for tile in tiles] == ["K=4", "K=6", "Kodak", "K=6 (2)"]
-    assert [tile.period for tile in tiles] == [4, 6, None, None]
+    tiles = distinct_tiles([named("K=6"), named(KODAK), named("RGWW/GBWW/WWWW/WWWW"), named("K=4"), named(KODAK), other])
+    assert [tile.name for tile in tiles] == ["K=6", "Kodak", "K=4", "K=6 (2)"]
+    assert [tile.period for tile in tiles] == [6, None, 4, None]
 
 
 def test_share_and_light() -> None:
@@ -46,7 +40,7 @@ def test_share_and_light() -> None:
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     with pytest.raises(InputError, match="channels"):
-        chosen_tiles([6], [named("AWWW/WBWW/WWWW/WWWW")])
+        distinct_tiles([named("AWWW/WBWW/WWWW/WWWW")])
 
 
 def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:

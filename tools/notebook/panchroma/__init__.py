@@ -18,7 +18,7 @@ What each returns:
     open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
     render              a Picture: picture.rgb is float32 (rows, columns, channels), linear, 1.0 = white
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
-    evaluate            an Evaluation: PSNR, SSIM, and how much of the picture has a wrong hue
+    evaluate            an Evaluation: PSNR, and how much of the picture has a wrong hue
 
 Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays: plt.imshow(panchroma.to_srgb(picture)).
 
