@@ -21,7 +21,7 @@ from pathlib import Path
 from ...shared.errors import DurabilityWarning, PanchromaError
 from ...shared.processors import processors
 from ...shared.writing import sync_folder, write_durably
-from ..batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
+from ..batch.compilation import CACHE_REMEDY, compile_all
 from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
@@ -67,7 +67,9 @@ def _compiled(console: Console) -> "Finding":
     """Compile all kernels that are not in the cache."""
     name = "compilation"
     try:
-        names = to_compile()
+        from ...offline import kernels_to_compile
+
+        names = kernels_to_compile()
         start = time.monotonic()
         with console.progress("doctor") as progress:
             progress.stage("compiling", len(names))
@@ -76,7 +78,7 @@ def _compiled(console: Console) -> "Finding":
                     return Finding(name, BAD, f"{kernel}: {error}", "close other programs, and run it again")
                 progress.advance()
                 progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := to_compile():
+        if missing := kernels_to_compile():
             return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
     except ModuleNotFoundError as error:
         return Finding(name, BAD, f"needs {error.name}, which is not installed", ALL)
@@ -197,7 +199,9 @@ def _preview() -> Iterator[Finding]:
 def _kernels() -> Iterator[Finding]:
     wrong = ""
     try:
-        folder = cache_folder()
+        from ...offline import kernel_cache
+
+        folder = kernel_cache()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             compiled = len(list(folder.glob("*.nbc")))

@@ -14,7 +14,7 @@ from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
 from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from ..batch.previews import Previews, preview_graph
+from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
 from .options import add, add_shots, file_name, pixel_limit
@@ -77,6 +77,8 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
         raise InputError(f"{path}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
     if len(arguments.shots) > 1:
         raise InputError(f"--export writes the graph for the pattern of one shot, and {len(arguments.shots)} are named")
-    graph = preview_graph(read_dng(arguments.shots[0], max_pixels=pixel_limit()).pattern, arguments.scale)
+    from ...device.preview.graph import build_preview  # onnxruntime is slow to load
+
+    graph = build_preview(read_dng(arguments.shots[0], max_pixels=pixel_limit()).pattern, arguments.scale)
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")
