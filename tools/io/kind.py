@@ -37,7 +37,7 @@ class PictureKind:
         kept_as = _known(self.format)
         check_quality(self.quality)
         if self.quality is not None and not kept_as.has_quality:
-            lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
+            lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
             raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
         if kept_as.missing:
             raise InputError(kept_as.missing)
@@ -79,19 +79,18 @@ class PictureKind:
         return self.space != CAMERA or self.format == "dng"
 
     @property
-    def as_measured(self) -> tuple[str, str]:
-        """What makes this a kind of the space "camera", and what to do instead, for messages."""
+    def as_measured(self) -> str:
+        """What a kind of the space "camera" is, and what to do instead, for messages."""
         if set(self.kept_as.spaces) == {CAMERA}:
-            return f"a {self.format}", "choose another format, such as tif"
-        return '`space="camera"`', "choose another space, such as linear-srgb"
+            return f"a {self.format} is the scene as measured; choose another format, such as tif"
+        return '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
 
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            what, instead = self.as_measured
-            raise InputError(f"`exposure` is {exposure:g} stops, but {what} is the scene as measured; {instead}")
+            raise InputError(f"`exposure` is {exposure:g} stops, but {self.as_measured}")
 
 
 def _known(name: str) -> Format:

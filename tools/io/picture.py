@@ -41,7 +41,9 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
             rgb = pixels.astype(np.float32)
         highest = float(rgb.max(initial=0))
         if 1 < highest < np.inf:
-            notes.append(f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended")
+            notes.append(
+                f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended"
+            )
     elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
         if encoding.profile:
             rgb = through_tables(pixels, picture.peak, encoding.profile)
@@ -91,9 +93,7 @@ def _encoding(picture: Decoded, linear: bool, notes: list[str]) -> Encoding:
             notes.append(f"{why} taken as linear light, although the file says {declared.name}")
     elif assumed is LINEAR:
         primaries = "the file's" if declared else "sRGB"
-        notes.append(
-            f"nothing says how the values are encoded: taken as linear light with {primaries} primaries, white balanced"
-        )
+        notes.append(f"nothing says how the values are encoded: taken as linear light with {primaries} primaries, white balanced")
     return replace(assumed, to_xyz=declared.to_xyz) if declared else assumed
 
 
