@@ -1,6 +1,7 @@
 """Scenes in files of every format."""
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,21 @@ def save(path: Path, light: Any, channels: str = "RGB") -> Path:
         case _:
             Image.fromarray(light).save(path, lossless=True)
     return path
+
+
+def png(path: Path, samples: Any, **chunks: bytes) -> str:
+    """Write a PNG with these chunks before its samples."""
+    data = imagecodecs.png_encode(samples)
+    for name, content in chunks.items():
+        chunk = name.encode() + content
+        data = data[:33] + struct.pack(">I", len(content)) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[33:]
+    path.write_bytes(data)
+    return str(path)
+
+
+def iccp(profile: bytes) -> bytes:
+    """Return the content of the chunk iCCP."""
+    return b"profile\0\0" + zlib.compress(profile)
 
 
 def rationals(values: Any) -> tuple[int, ...]:

@@ -4,19 +4,18 @@ import struct
 from pathlib import Path
 from typing import Any
 
-import imagecodecs
 import numpy as np
 import OpenEXR
 import pytest
 import tifffile
-from PIL import Image, ImageCms
+from PIL import ImageCms
 
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.shared.errors import InputError
 from panchroma.tools.io import decoders
 from panchroma.tools.io.icc import read_profile
 from panchroma.tools.simulation.load import load_scene
-from tests.tools.io.files import save
+from tests.tools.io.files import iccp, png, save
 
 SRGB_PROFILE: bytes = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
@@ -114,13 +113,8 @@ def test_a_profile_is_believed(tmp_path: Path, suffix: str, dtype: type, icc: by
     picture, path = ramp(dtype), tmp_path / f"a{suffix}"
     if suffix == ".tif":
         tifffile.imwrite(path, picture, photometric="rgb", iccprofile=icc)
-    elif dtype == np.uint8:
-        Image.fromarray(picture).save(path, icc_profile=icc)
-    else:  # Pillow writes no 16-bit colour: put the chunk in by hand
-        data = imagecodecs.png_encode(picture)
-        content = b"iCCP" + b"profile\0\0" + imagecodecs.zlib_encode(icc)
-        chunk = struct.pack(">I", len(content) - 4) + content + struct.pack(">I", imagecodecs.zlib_crc32(content))
-        path.write_bytes(data[:33] + chunk + data[33:])
+    else:
+        png(path, picture, iCCP=iccp(icc))
     scene = load_scene(str(path))
     exponent = round(gamma * 256) / 256  # as the profile can write it
     np.testing.assert_allclose(scene.rgb, (picture / np.iinfo(dtype).max) ** exponent, atol=1e-6)
