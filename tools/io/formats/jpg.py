@@ -1,7 +1,6 @@
 """JPEG with full-resolution colour, capture data and colour profile."""
 
 import struct
-from collections.abc import Iterable
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
@@ -15,7 +14,7 @@ from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..embedded import jpeg_directory
 from ..samples import joined
-from .format import Format
+from .format import Bands, Format
 
 JFIF_ENDS = 20
 """Bytes of a JPEG's signature and its first segment."""
@@ -33,7 +32,7 @@ class Jpeg(Format):
     longest_side = LONGEST_SIDE
     memory_per_pixel = 6.0  # of noise; pictures take three quarters of that
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         codes, quality = joined(bands, development.written_shape[0]), check_quality(development.kind.quality)
         file.write(baseline_jpeg(codes, quality, development_segments(development)))

@@ -14,7 +14,6 @@ picture, or a burnt-out lamp that the picture shows white would be magenta in HD
 """
 
 import struct
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import log2
 from typing import Any, BinaryIO, ClassVar
@@ -27,7 +26,7 @@ from ....shared.dng.tags import LONGEST_SIDE
 from ..development import Development
 from ..display import ColourTransform
 from ..samples import joined
-from .format import Format
+from .format import Bands, Format
 from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
 
 OFFSET = 1 / 64
@@ -131,7 +130,7 @@ class UltraHdr(Format):
         codes = super().samples(rgb, development)
         return np.dstack([codes, GainMap(development.shown, development.exposure).codes(rgb, codes)])
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         quality, segments = check_quality(development.kind.quality), development_segments(development)
         gains = GainMap(development.shown, development.exposure)
