@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from ...shared.progress import Progress
@@ -44,7 +43,7 @@ class StageProgress(Progress):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the display."""
 
 
@@ -67,7 +66,7 @@ class LineProgress(StageProgress):
         super().stage(name, steps)
         self._since = time.monotonic()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self._end()
 
@@ -100,7 +99,7 @@ class BarProgress(StageProgress):
         """Let the bar grow."""
         self._display.advance(self._task, steps)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._display.remove_task(self._task)
         self._display.stop()
 
