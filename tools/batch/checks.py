@@ -1,8 +1,10 @@
 """What is checked before a render: that it fits into memory, and that there is light in the frame."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ...shared import Mosaic
+from ...shared.arrays import CodeArray, strips
 from ...shared.errors import InputError
 from ..io.kind import PictureKind
 from .memory import format_bytes
@@ -54,12 +56,18 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
 
     Settings that restore luminance from the colour samples accept a frame until these are saturated as well.
     """
-    calibration, restored = mosaic.calibration, settings.highlights.restored
-    panchromatic = mosaic.codes[mosaic.pattern.panchromatic_mask(mosaic.shape)]
-    if not panchromatic.size:
+    codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
+
+    def parts(*, every: bool = False) -> Iterator[CodeArray]:
+        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say enough."""
+        for rows in strips(len(codes)):
+            part = codes[rows]
+            yield part if every else part[mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))]
+
+    if not any(part.size for part in parts()):
         return
-    if panchromatic.max() <= calibration.black_level[-1]:
+    if not any((part > calibration.black_level[-1]).any() for part in parts()):
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    if (mosaic.codes if restored else panchromatic).min() >= calibration.white_level:
+    if not any((part < calibration.white_level).any() for part in parts(every=restored)):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

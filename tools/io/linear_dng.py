@@ -121,9 +121,7 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
-            raise InputError(
-                f"the active area {area.astype(int).tolist()} is outside the picture: the file is damaged; copy it again"
-            )
+            raise InputError("the active area is outside the picture: the file is damaged; copy it again")
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
