@@ -43,20 +43,20 @@ def shown(path: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
 def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     colours = np.random.default_rng(0).integers(20, 200, (6, 8, 3), np.uint8)
-    source = tmp_path / f"source{suffix}"
+    (tmp_path / "in").mkdir()
+    source = tmp_path / "in" / f"source{suffix}"
     Image.fromarray(np.kron(colours, np.ones((8, 8, 1), np.uint8))).save(source)
     exiftool("-q", "-n", "-overwrite_original", *(f"-EXIF:{name}={value}" for name, value in WRITTEN.items()), source)
     expected = shown(source)
     assert len(expected) == len(KEPT)
-    (tmp_path / "out").mkdir()
     run("simulate", source, "-o", tmp_path / "out", code=0)
     shot = tmp_path / "out" / "source.dng"
     assert shown(shot) == expected
     (facts,) = run("inspect", "--json", shot).records
     assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
     for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):  # from the same shot
-        run("render", shot, "-o", tmp_path / kind, "-f", kind, "--preset", "paper", code=0)
-        result = tmp_path / kind / f"source.{kind}"
+        run("render", shot, "-o", tmp_path, "-f", kind, "--preset", "paper", "--overwrite", code=0)
+        result = tmp_path / f"source.{kind}"
         assert shown(result) == expected, kind
         said = exiftool("-s3", "-validate", "-warning", "-a", result).decode().splitlines()
         # exiftool alone asks by which method a place was found, and we do not invent one.
