@@ -47,21 +47,15 @@ class PictureKind:
             raise InputError(f"{self.format} does not hold {self.space} with {self.bits} bits; it holds {_listed(kept_as)}")
 
     @classmethod
-    def of(
-        cls,
-        format: str = "tif",  # noqa: A002
-        bits: int | None = None,
-        space: str | None = None,
-        quality: int | None = None,
-    ) -> "PictureKind":
+    def of(cls, name: str, bits: int | None = None, space: str | None = None, quality: int | None = None) -> "PictureKind":
         """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
-        kept_as = _known(format)
+        kept_as = _known(name)
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
-                return cls(format, bits or possible[0], candidate, quality)
+                return cls(name, bits or possible[0], candidate, quality)
         if space is None:
-            raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(kept_as)}")
-        return cls(format, bits or 0, space, None)  # raises InputError with the reason
+            raise InputError(f"{name} does not hold {bits} bits; it holds {_listed(kept_as)}")
+        return cls(name, bits or 0, space, None)  # raises InputError with the reason
 
     @property
     def kept_as(self) -> Format:

@@ -10,7 +10,7 @@ from PIL import Image
 from panchroma.tools.batch.folders import DNGS, Source, search
 from panchroma.tools.evaluation.scene_sets import expand
 from tests.tools.batch.examples import save_shot
-from tests.tools.command import contents, run
+from tests.tools.command import assert_refused, contents, run
 from tests.tools.io.examples import picture_dng
 from tests.tools.io.files import write_dng
 
@@ -73,7 +73,8 @@ def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: 
         made = {Path(name).with_suffix("").as_posix() for name in contents(out) if not name.startswith(".")}
         assert made == {"a", "sub/a"}
     # A file that the user names has to be a shot.
-    run(*command, shots / "linear.dng", *output, code=1)
+    named = run(*command, shots / "linear.dng", *output)
+    assert_refused(named, "not a mosaic of Panchroma", name=str(shots / "linear.dng"))
 
 
 def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(tmp_path: Path, out: Path) -> None:

@@ -126,18 +126,6 @@ def test_one_that_is_missing_is_made_and_a_dry_run_says_so(shots: Path, out: Pat
     assert (out / "b.tif").read_bytes() == made
 
 
-def test_files_of_others_in_a_folder_are_left_alone_and_named_ones_are_not(shots: Path, out: Path, tmp_path: Path) -> None:
-    (tmp_path / "rendered").mkdir()
-    run("render", shots / "a.dng", "-o", tmp_path / "rendered", "-f", "dng", code=0)
-    (shots / "other.dng").write_bytes((tmp_path / "rendered" / "a.dng").read_bytes())
-    (shots / "torn.dng").write_bytes((shots / "a.dng").read_bytes()[:500])
-    outcome = render(shots, out)
-    assert_refused(outcome, "damaged", name=str(shots / "torn.dng"))
-    assert "3 made, 1 left alone, 1 failed" in outcome.err
-    named = shots / "other.dng"
-    assert_refused(run("render", named, "-o", out), "not a mosaic of Panchroma", name=str(named))
-
-
 def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path, out: Path, tmp_path: Path) -> None:
     render(shots, out)
     made = contents(out)

@@ -1,6 +1,5 @@
 """What exiftool shows of a source's author, place, time, lens and exposure, the shot and every result show too."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.exiftool import exiftool
+from tests.exiftool import exiftool, fields
 from tests.tools.command import run
 
 KEPT = {
@@ -35,9 +34,8 @@ WRITTEN = {**KEPT, "Make": "Canon", "Model": "Canon EOS 5D", "Flash": "16"}
 
 
 def shown(path: Path) -> dict[str, Any]:
-    (found,) = json.loads(exiftool("-j", "-n", *(f"-EXIF:{name}" for name in KEPT), path))
-    found.pop("SourceFile")
-    return {name: round(value, 7) if isinstance(value, float) else value for name, value in found.items()}
+    found = fields(path, "-n", *(f"-EXIF:{name}" for name in KEPT))
+    return {name: round(value, 7) if isinstance(value, float) else value for name, value in found.items() if name in KEPT}
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])

@@ -1,7 +1,6 @@
 """Picture files, read back with programs that are not ours."""
 
 import io
-import json
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.icc import icc_profile
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.io.samples import quantise
-from tests.exiftool import exiftool
+from tests.exiftool import fields
 from tests.tools.io.examples import CALIBRATION, FOUR, KINDS, METADATA, SIZES, development, encode_picture, encoded, scene, shown
 
 
@@ -135,7 +134,7 @@ def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
 def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     path = tmp_path / f"picture{kind.suffix}"
     path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
-    (found,) = json.loads(exiftool("-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path))
+    found = fields(path, "-n", "-G0", "-validate", "-warning", "-EXIF:all")
     # Raw developers would give a DNG the colours of the camera it names.
     assert found["EXIF:Make"] == ("Panchroma" if kind.format == "dng" else METADATA.make)
     assert found["EXIF:Model"] == ("Panchroma render" if kind.format == "dng" else METADATA.model)
