@@ -14,14 +14,15 @@ def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(control_groups, "_USUAL", tmp_path)
     everything = available_memory()
     assert everything > 2**20
-    (tmp_path / "memory.current").write_text("3000\n")
-    (tmp_path / "memory.max").write_text("5000\n")
-    assert available_memory() == 2000
-    (tmp_path / "memory.max").write_text("max\n")
-    assert available_memory() > 2**20
-    (tmp_path / "memory.high").write_text("6000\n")
-    (tmp_path / "memory.stat").write_text("anon 2000\ninactive_file 500\nactive_file 500\n")  # the kernel drops these 500 first
-    assert available_memory() == 3500
+    kernel_drops_first = "anon 2000\ninactive_file 500\nactive_file 500\n"
+    for files, left in (
+        ({"current": "3000\n", "max": "5000\n"}, 2000),
+        ({"max": "max\n", "high": "6000\n"}, 3000),
+        ({"stat": kernel_drops_first}, 3500),
+    ):
+        for name, content in files.items():
+            (tmp_path / f"memory.{name}").write_text(content)
+        assert available_memory() == left
 
 
 MEMBERSHIP = """
@@ -94,21 +95,22 @@ def test_what_a_slurm_job_was_granted_counts(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    ("place", "name", "quota", "expected"),
+    ("name", "quota", "expected"),
     [
-        ("processors", "cpu.cfs_quota_us", "150000", 2),
-        ("processors", "cpu.cfs_quota_us", "-1", 8),
-        ("second/system.slice", "cpu.max", "50000 100000", 1),
-        ("second/system.slice", "cpu.max", "max 100000", 8),
+        ("processors/cpu.cfs_quota_us", "150000", 2),
+        ("processors/cpu.cfs_quota_us", "-1", 8),
+        ("second/system.slice/cpu.max", "50000 100000", 1),
+        ("second/system.slice/cpu.max", "max 100000", 8),
     ],
 )
 def test_a_quota_of_processor_time_limits_the_number_of_processors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, name: str, quota: str, expected: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, quota: str, expected: int
 ) -> None:
     limited(tmp_path, monkeypatch)
     monkeypatch.setattr("os.sched_getaffinity", lambda _: range(8))
     monkeypatch.setattr(counted, "_quota", counted._quota.__wrapped__)
-    (tmp_path / place).mkdir(parents=True)
-    (tmp_path / place / "cpu.cfs_period_us").write_text("100000\n")
-    (tmp_path / place / name).write_text(f"{quota}\n")
+    file = tmp_path / name
+    file.parent.mkdir(parents=True)
+    file.with_name("cpu.cfs_period_us").write_text("100000\n")
+    file.write_text(f"{quota}\n")
     assert counted.processors() == expected
