@@ -32,7 +32,7 @@ def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
 
 
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
-    return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
+    return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more), np.uint16)
 
 
 @pytest.mark.parametrize(("order", "rows", "columns"), [(BAYER_ORDERS[0], 60, 80), *((order, 61, 83) for order in BAYER_ORDERS)])
@@ -51,8 +51,9 @@ def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: in
 def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path, order: str) -> None:
     y, x = np.indices((80, 96)).astype(np.float64)
     light = 2000 + 900 * np.sin(2 * np.pi * y / 23) * np.cos(2 * np.pi * x / 31)  # of all filters
-    path = write_dng(tmp_path / "a.dng", np.rint(light).astype(np.uint16), order, fields={50717: (SHORT, [4000])})
-    quads, registered = (load_scene(path, registered=each).rgb[4:-4, 4:-4] for each in (False, True))
+    samples, fields = np.rint(light).astype(np.uint16), {50717: (SHORT, [4000])}
+    path = write_dng(tmp_path / "a.dng", samples, order, fields=fields)
+    quads, registered = (load_scene(path, registered=how).rgb[4:-4, 4:-4] for how in (False, True))
     apart, left = (np.abs(rgb[..., ::2] - rgb[..., 1:2]).max() for rgb in (quads, registered))
     assert apart > 0.03
     assert left < 0.004  # the mean of two greens is a little less than the light between them

@@ -61,8 +61,9 @@ def test_nothing_is_left_of_a_rendering_that_fails(tmp_path: Path, name: str, or
 
 def test_a_full_disk_is_named(tmp_path: Path, full_disk: Callable[[], None]) -> None:
     full_disk()
+    how = development(PictureKind.of("tif"), (9, 9))
     with pytest.raises(OutputError, match=r"picture\.tif: the disk is full"):
-        write_picture(tmp_path / "picture.tif", cut(scene((9, 9)), 4), development(PictureKind.of("tif"), (9, 9)))
+        write_picture(tmp_path / "picture.tif", cut(scene((9, 9)), 4), how)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -81,7 +82,8 @@ def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_pat
 
 
 def test_quantising_rounds_and_clips() -> None:
-    assert quantise(np.array([-1.0, 0.0, 0.4 / 255, 0.6 / 255, 1.0, 9.0], np.float32), 8).tolist() == [0, 0, 0, 1, 255, 255]
+    levels = (np.array([-255, 0, 0.4, 0.6, 255, 999]) / 255).astype(np.float32)
+    assert quantise(levels, 8).tolist() == [0, 0, 0, 1, 255, 255]
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
