@@ -1,10 +1,18 @@
 """The program exiftool, for the tests of what other programs see in our files."""
 
+import json
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+
+def fields(path: Path, *arguments: str) -> dict[str, Any]:
+    """Return the fields of a file, name -> value, that exiftool shows with these arguments."""
+    (found,) = json.loads(exiftool("-j", *arguments, path))
+    return found
 
 
 def exiftool(*arguments: str | Path) -> bytes:

@@ -50,7 +50,7 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
         from distributed import Client, KilledWorker
     except ModuleNotFoundError:
         raise InputError("`scheduler` needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
-    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith(("distributed", "tornado"))]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # users are told here, in one line
     try:
         client = Client(address, timeout=_SECONDS)

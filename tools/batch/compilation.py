@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from .memory import available_memory
@@ -52,20 +51,6 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
             tell(f"compiled kernel {number} of {len(names)}")
 
 
-def to_compile() -> list[str]:
-    """Names of all kernels that are not in the cache, those that take longest first. Raises RuntimeError where there is none."""
-    from ...offline import kernels_to_compile
-
-    return kernels_to_compile()
-
-
-def cache_folder() -> Path:
-    """The folder of compiled kernels: beside the sources, NUMBA_CACHE_DIR, or the user's. Raises RuntimeError if there is none."""
-    from ...offline import kernel_cache
-
-    return kernel_cache()
-
-
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
     """Compile kernels in several processes, as many as memory allows; yields (name, None, or the error) as each is done.
 
@@ -84,11 +69,13 @@ def _compile(name: str, listener: StageProgress) -> None:
 
 def _teller(progress: StageProgress) -> Callable[[str], None]:
     """A function that says once that the renderer is being compiled, and shows how far it is."""
+    from ...offline import kernel_cache
+
     note_once = cache(progress.note)
 
     def tell(how_far: str) -> None:
         try:
-            cache_folder()
+            kernel_cache()
         except RuntimeError:
             often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
         else:

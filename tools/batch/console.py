@@ -6,7 +6,7 @@ import sys
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,9 +52,8 @@ class Console:
     """
 
     def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
-        self._traced: set[str] | None = set() if verbose else None  # tracebacks that have been shown, without what they say
-        self._json = json
-        self._quiet = quiet
+        self._json, self._quiet, self._verbose = json, quiet, verbose
+        self._traced: set[str] = set()  # tracebacks that have been shown, without what they say
         self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
@@ -72,24 +71,28 @@ class Console:
                 to_stderr(text)
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
-        self.note(*once_each((source, remark) for source, remarks in noted for remark in remarks))
+        """Print remarks on sources to stderr, each once, with the first source that it is about. noted: (source, its remarks)."""
+        sources: dict[str, list[str]] = {}
+        for source, remarks in noted:
+            for remark in remarks:
+                sources.setdefault(remark, []).append(source)
+        for remark, (first, *more) in sources.items():
+            self.note(f"{first}{f' and {len(more)} more' if more else ''}: {remark}")
 
     def error(self, *texts: str, cause: BaseException | None = None) -> None:
         """Print a line to stderr for each thing that failed. cause: what was raised; a `PanchromaError` has no traceback."""
         for text in texts:
             to_stderr(f"panchroma: {text}")
-        if cause is not None and self._traced is not None:
-            self._trace(cause, self._traced)
-
-    def _trace(self, error: BaseException, traced: set[str]) -> None:
-        """Print the traceback of an error that nobody foresaw, unless one from the same place has been printed."""
+        if cause is None or not self._verbose:
+            return
         from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
-        lines = [] if isinstance(error, PanchromaError) else traceback_of(error).splitlines()
+        if isinstance(cause, PanchromaError):
+            return
+        lines = traceback_of(cause).splitlines()
         place = "\n".join(line for line in lines if line.startswith(" "))
-        if place not in traced:
-            traced.add(place)
+        if place not in self._traced:
+            self._traced.add(place)
             for line in lines:
                 to_stderr(line)
 
@@ -150,19 +153,6 @@ def note_warnings(note: Callable[[str], None]) -> None:
             usual(message, category, *place)
 
     warnings.showwarning = show  # type: ignore[assignment]  # the rest is the place, which ours do not need
-
-
-def once_each(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Each remark once, in a line that names the first that it is about, and counts the others.
-
-    remarks: (about what, remark); "" is none.
-    """
-    about: dict[str, list[str]] = {}
-    for name, remark in remarks:
-        if remark:
-            about.setdefault(remark, []).append(name)
-    for remark, (first, *more) in about.items():
-        yield f"{first}{f' and {len(more)} more' if more else ''}: {remark}"
 
 
 def to_stdout(*lines: str) -> None:

@@ -1,6 +1,7 @@
 """What a command works on: files that are named, and the fitting files in and below folders. All commands search them alike."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,60 +77,63 @@ def search(
 
     Hidden files and folders are left out, and links to folders are not followed.
     """
-    found = Search()
+    result = Search()
     for source in given:
         if not source:
-            found.failures.append(("a name", "is empty; check the command, such as a variable that is not set"))
+            result.failures.append(("a name", "is empty; check the command, such as a variable that is not set"))
         elif is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
-            found.sources.append(Source(source))
+            result.sources.append(Source(source))
         else:
-            _search(source, endings, identity(output) if output else None, set_aside, found)
-    return found
+            _search(source, endings, identity(output) if output else None, set_aside, result)
+    return result
 
 
-def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, set_aside: SetAside, found: Search) -> None:
+def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, set_aside: SetAside, result: Search) -> None:
     errors: list[OSError] = []
     fitting: list[Source] = []
-    others: dict[str, list[str]] = {"": []}  # why -> files
-    counts = {"hidden": 0, "result": 0, "linked": 0}
+    files_left_out: dict[str, list[str]] = {}  # why -> files
+    folders_left_out: Counter[str] = Counter()  # kind -> number
     for place, folders, files in os.walk(top, onerror=errors.append):
-        searched = []
-        for name in sorted(folders):
-            path = os.path.join(place, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
-            reason = "hidden" if name.startswith(".") else "linked" if os.path.islink(path) else ""  # noqa: PTH114
-            if output is not None and identity(path) == output:
-                reason = "result"
-            if reason:
-                counts[reason] += 1
-            else:
-                searched.append(name)
-        folders[:] = searched
-        taken = []
+        kinds = {name: _kind_left_out(place, name, output) for name in folders}
+        folders_left_out.update(filter(None, kinds.values()))
+        folders[:] = sorted(name for name in folders if not kinds[name])
+        taken, aside = [], dict[str, str]()
         for name in sorted(files):
-            path = os.path.join(place, name)  # noqa: PTH118
-            fits = Path(name).suffix.lower() in endings
-            if fits and not name.startswith("."):
+            path, fits, hidden = _joined(place, name), Path(name).suffix.lower() in endings, name.startswith(".")
+            if fits and not hidden:
                 taken.append(path)
-            elif fits or not name.startswith("."):  # hidden files of other kinds are the system's, and ours
-                others[""].append(os.path.relpath(path, top))
-        aside = set_aside(taken)
+            elif fits or not hidden:  # hidden files of other kinds are the system's, and ours
+                aside[path] = ""
+        aside |= {path: f" {why}" for path, why in set_aside(taken).items()}
         fitting += [Source(path, Path(os.path.relpath(path, top))) for path in taken if path not in aside]
         for path, why in aside.items():
-            others.setdefault(f" {why}", []).append(os.path.relpath(path, top))
-    found.sources.extend(fitting)
-    found.failures.extend((str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors)
+            files_left_out.setdefault(why, []).append(os.path.relpath(path, top))
+    result.sources.extend(fitting)
+    result.failures.extend((str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors)
     if not fitting and not errors:
-        found.failures.append(
-            (top, f"no {' or '.join(endings) if len(endings) < 3 else 'fitting'} file is in this folder or below it")
-        )
-    parts = [
-        ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else "") + why
-        for why, names in others.items()
-        if names
-    ]
-    parts += [f"{count} {kind} {'folder' if count == 1 else 'folders'}" for kind, count in counts.items() if count]
-    if parts:
-        found.left_out.append(f"{top}: left out {'; '.join(parts)}")
+        kind = " or ".join(endings) if len(endings) < 3 else "fitting"
+        result.failures.append((top, f"no {kind} file is in this folder or below it"))
+    remarks = []
+    for why, names in files_left_out.items():
+        more = f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else ""
+        remarks.append(f"{', '.join(names[:_NAMED])}{more}{why}")
+    remarks += [f"{count} {kind} {'folder' if count == 1 else 'folders'}" for kind, count in folders_left_out.items()]
+    if remarks:
+        result.left_out.append(f"{top}: left out {'; '.join(remarks)}")
+
+
+def _kind_left_out(place: str, name: str, output: tuple[int, int] | None) -> str:
+    """Return what kind of folder is not searched; "" for one that is."""
+    path = _joined(place, name)
+    if name.startswith("."):
+        return "hidden"
+    if os.path.islink(path):  # noqa: PTH114
+        return "linked"
+    return "result" if output is not None and identity(path) == output else ""
+
+
+def _joined(place: str, name: str) -> str:
+    return os.path.join(place, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
 
 
 def plan(sources: Sequence[Source], names: Callable[[str], Sequence[str]], folder: Path, *, dry_run: bool = False) -> list[Job]:
@@ -137,7 +141,10 @@ def plan(sources: Sequence[Source], names: Callable[[str], Sequence[str]], folde
 
     Subfolders that exist already are freed of what killed processes have left half written, but for a dry run.
     """
-    jobs = [Job(each.name, tuple(each.output(folder, name) for name in names(each.name)), each.found) for each in sources]
+    jobs = []
+    for source in sources:
+        outputs = tuple(source.output(folder, name) for name in names(source.name))
+        jobs.append(Job(source.name, outputs, source.found))
     for below in {output.parent for job in jobs for output in job.outputs} - {folder} if not dry_run else ():
         sweep(below)
     return jobs

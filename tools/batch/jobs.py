@@ -2,7 +2,6 @@
 
 import os
 import shlex
-import stat
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
 from contextlib import suppress
@@ -48,15 +47,10 @@ class Job:
     def make_folders(self) -> None:
         """Create the subfolders for the outputs. Call it when all else has gone well. Raises OutputError."""
         for folder in {output.parent for output in self.outputs}:
-            _make(folder)
-
-
-def _make(folder: Path) -> None:
-    """Create a folder, unless it is there: several commands may begin at the same time. Raises OutputError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
 
 
 State = Literal["made", "planned", "current", "foreign", "failed"]
@@ -96,21 +90,23 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     path = Path(folder)
     if not folder:
         raise OutputError("the name of the output folder is empty; give `output` or `report` a folder")
-    if identity(path) is None:
-        if os.path.islink(path):  # noqa: PTH114 (Path takes no impossible names)
-            raise OutputError(f"{folder}: {dangling_link(path)}, or name another folder")
-        parent = file_status(path.parent)
-        if parent is None:
-            advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
-            raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}")
-        if not stat.S_ISDIR(parent.st_mode):
-            raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results")
-        if dry_run:
-            return path
-        _make(path)
-        _created.append(path)
-    if not path.is_dir():
-        raise OutputError(f"{folder}: is not a folder; name the folder for the results")
+    try:
+        would_be_made = dry_run and path.parent.is_dir() and not os.path.lexists(path)
+        if not (path.is_dir() or would_be_made):
+            path.mkdir()
+            _created.append(path)
+    except FileExistsError:
+        if not path.is_dir():
+            wrong = dangling_link(path) if path.is_symlink() else "is not a folder"
+            raise OutputError(f"{folder}: {wrong}, or name another folder for the results") from None
+    except FileNotFoundError:
+        advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
+        raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}") from None
+    except NotADirectoryError:
+        raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        what = getattr(error, "strerror", None) or error
+        raise OutputError(f"{folder}: the folder cannot be created ({what}); choose another") from None
     if dry_run:
         return path
     if not os.access(path, os.W_OK | os.X_OK):
@@ -271,6 +267,7 @@ def identity(path: str | Path | int) -> tuple[int, int] | None:
 
 def file_status(path: str | Path | int) -> os.stat_result | None:
     """`os.stat` of a file; None when there is no such file."""
-    with suppress(OSError, ValueError):
+    try:
         return os.stat(path)  # noqa: PTH116 (Path takes no impossible names)
-    return None
+    except (OSError, ValueError):
+        return None

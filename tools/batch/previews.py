@@ -1,4 +1,4 @@
-"""The camera's previews, for rooms that have no camera: of shots with any patterns, and as a graph for other programs."""
+"""The camera's previews of shots with any patterns."""
 
 from typing import TYPE_CHECKING, cast
 
@@ -46,10 +46,3 @@ def preview_version() -> str:
     from ...device.preview.graph import BUILDER
 
     return BUILDER
-
-
-def preview_graph(pattern: CfaPattern, scale: int) -> bytes:
-    """The graph of a preview as an ONNX file, see `device.preview.graph.build_preview`."""
-    from ...device.preview.graph import build_preview
-
-    return build_preview(pattern, scale)

@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from ...shared.progress import Progress
@@ -11,7 +10,6 @@ from .console import to_stderr
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
-    from rich.progress import TaskID
 
 Note = Callable[[str], None]
 """Called with a remark for the user."""
@@ -22,33 +20,22 @@ _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 
 
 class StageProgress(Progress):
-    """A listener that shows nothing, but knows the current stage. Leaving its `with` block ends the display.
+    """A listener that shows nothing but notes. Leaving its `with` block ends the display.
 
     title: of the work.
     note: what to do with notes, which stay when the display has ended.
     """
 
-    shows = False  # whether anybody sees its remarks
-
     def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
-        self._title, self._name, self._part = title, "", ""  # of the work, of its current stage, and of the part that this is in
-        self.note = note
-
-    @property
-    def current(self) -> str:
-        """Name of the current stage, and of the part that it is in; "" before the first one."""
-        return f"{self._name} ({self._part})" if self._part else self._name
+        self._title, self.note = title, note
+        self._stage = ""  # name of the current one
 
     def _label(self) -> str:
-        return f"{self._title}: {self.current}" if self._name else self._title
+        return f"{self._title}: {self._stage}" if self._stage else self._title
 
     def stage(self, name: str, steps: int) -> None:
         """Remember its name."""
-        self._name, self._part = name, ""
-
-    def part(self, name: str) -> None:
-        """Remember its name."""
-        self._part = name
+        self._stage = name
 
     def remark(self, text: str) -> None:
         """Say in words how far the work is."""
@@ -56,19 +43,16 @@ class StageProgress(Progress):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the display."""
 
 
 class LineProgress(StageProgress):
     """One plain line per finished stage with the seconds it took, for logs and pipes."""
 
-    shows = True
-
     def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
         super().__init__(title, note)
-        self._since = 0.0
-        self._remarked = time.monotonic()
+        self._since = self._remarked = time.monotonic()
 
     def remark(self, text: str) -> None:
         """Print the remark, if the last one is some seconds old."""
@@ -82,24 +66,21 @@ class LineProgress(StageProgress):
         super().stage(name, steps)
         self._since = time.monotonic()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self._end()
 
     def _end(self) -> None:
-        if self._name:
-            to_stderr(f"{self._title}: {self._name} {time.monotonic() - self._since:.1f} s")
+        if self._stage:
+            to_stderr(f"{self._label()} {time.monotonic() - self._since:.1f} s")
 
 
 class BarProgress(StageProgress):
     """A bar per file that shows the current stage."""
 
-    shows = True
-
     def __init__(self, title: str, note: Note, display: "RichProgress") -> None:
         super().__init__(title, note)
-        self._display = display
-        self._task: TaskID = display.add_task(title, total=None)
+        self._display, self._task = display, display.add_task(title, total=None)
 
     def __enter__(self) -> Self:
         self._display.start()
@@ -118,18 +99,16 @@ class BarProgress(StageProgress):
         """Let the bar grow."""
         self._display.advance(self._task, steps)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._display.remove_task(self._task)
         self._display.stop()
 
 
 def rich_display() -> "RichProgress":
     """The display of all bars of a terminal, not yet started."""
-    import rich.progress
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
     # rich would print to stderr, above the bar, what goes to stdout: right only where both are the same terminal.
-    one_terminal = sys.stdout.isatty()
-    return rich.progress.Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=one_terminal)
+    return Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())

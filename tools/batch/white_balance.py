@@ -47,8 +47,7 @@ class WhiteBalance:
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""
         if self.kind != _CAMERA and not kind.has_white_balance:
-            what, instead = kind.as_measured
-            raise InputError(f"`wb` does not go with {what}, the scene as measured, not balanced; {instead}")
+            raise InputError(f"`wb` is no choice here: {kind.as_measured}")
 
     def of(self, mosaic: Mosaic) -> Mosaic:
         """The mosaic with this white balance in its calibration. Raises InputError if it is impossible for this shot."""

@@ -11,8 +11,7 @@ import argparse
 
 from ...shared import read_dng
 from ...shared.errors import InputError
-from ..batch.burst import BurstOrder
-from ..batch.burst_files import series, series_stem
+from ..batch.burst import BurstOrder, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, identity, possible_jobs

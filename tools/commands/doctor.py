@@ -22,7 +22,7 @@ from typing import NamedTuple
 from ...shared.errors import DurabilityWarning, PanchromaError
 from ...shared.processors import processors
 from ...shared.writing import sync_folder, write_durably
-from ..batch.compilation import CACHE_REMEDY, cache_folder, compile_all, to_compile
+from ..batch.compilation import CACHE_REMEDY, compile_all
 from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
@@ -92,7 +92,9 @@ def _compiled(console: Console) -> Finding:
     """Compile all kernels that are not in the cache."""
     bad = partial(Finding, "compilation", BAD)
     try:
-        names, start = to_compile(), time.monotonic()
+        from ...offline import kernels_to_compile
+
+        names, start = kernels_to_compile(), time.monotonic()
         with console.progress("doctor") as progress:
             progress.stage("compiling", len(names))
             compiled = compile_all(names, processors(), console.note)
@@ -101,7 +103,7 @@ def _compiled(console: Console) -> Finding:
                     return bad(f"{kernel}: {error}", "close other programs, and run it again")
                 progress.advance()
                 progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := to_compile():
+        if missing := kernels_to_compile():
             remedy = f"free some disk space, or {CACHE_REMEDY}"
             return bad(f"could not keep {', '.join(missing)}", remedy)
     except ModuleNotFoundError as error:
@@ -209,7 +211,9 @@ def _kernels() -> Iterator[Finding]:
     remedy = f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute"
     bad = partial(Finding, "kernel cache", BAD, remedy=remedy)
     try:
-        folder = cache_folder()
+        from ...offline import kernel_cache
+
+        folder = kernel_cache()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             compiled = len(list(folder.glob("*.nbc")))

@@ -15,7 +15,7 @@ from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
 from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
-from ..batch.previews import Previews, preview_graph
+from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
 from .options import add, add_shots, file_name, pixel_limit
@@ -80,6 +80,8 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
         number = f"{len(arguments.shots)} are named"
         raise InputError(f"--export writes the graph for the pattern of one shot, and {number}")
     shot = read_dng(arguments.shots[0], max_pixels=pixel_limit())
-    graph = preview_graph(shot.pattern, arguments.scale)
+    from ...device.preview.graph import build_preview  # onnxruntime is slow to load
+
+    graph = build_preview(shot.pattern, arguments.scale)
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")

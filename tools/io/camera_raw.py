@@ -5,7 +5,7 @@ of a quad lie half a pixel of the scene apart, to either side of the mean of the
 the quad. Without it every edge has a coloured fringe that no scene has.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
@@ -61,8 +61,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
-    samples, facts = run_limited(path, NEEDED, unpack_quads, str(path), max_pixels)
-    _check_samples(samples)
+    samples, facts = _unpack(unpack_quads, path, max_pixels)
     with guarded(path):
         rgb, gone = _quads(samples, facts)
         if registered:
@@ -79,14 +78,15 @@ def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     max_pixels: larger files are refused.
     Raises InputError, with the reason, for files without such samples.
     """
-    samples, _ = run_limited(path, NEEDED, unpack_samples, str(path), max_pixels)
-    _check_samples(samples)
-    return samples
+    return _unpack(unpack_samples, path, max_pixels)[0]
 
 
-def _check_samples(samples: NDArray[Any]) -> None:
+def _unpack(function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int) -> tuple[CodeArray, Facts]:
+    """Call the function in a limited process, and check that it returns uint16 (H, W)."""
+    samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
         raise InputError(f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; copy it again")
+    return samples, facts
 
 
 def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
@@ -255,14 +255,17 @@ def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: 
     """
     if neutral is None:
         return None
-    stated = [(_illuminant(_numbers(tags, light)), _usable(_numbers(tags, tag))) for tag, light in _COLOR_MATRICES]
-    usable = [(light, matrix) for light, matrix in stated if matrix is not None]
+    usable = []
+    for tag, light in _COLOR_MATRICES:
+        if (matrix := _usable(_numbers(tags, tag))) is not None:
+            code = (*_numbers(tags, light), 0)[0]
+            usable.append((ILLUMINANTS[_ILLUMINANTS.get(int(code) if 0 <= code < 2**16 else 0, "D65")], matrix))
     if len(usable) == 2 and usable[0][0] != usable[1][0] and (mixed := between(usable, neutral)):
         return mixed
-    usable.sort(key=lambda each: abs(each[0][0] - D65_XY[0]))
     if not usable and (matrix := _usable(known)) is not None:
-        usable = [(D65_XY, matrix)]
-    return camera_to_xyz(usable[0][1], neutral, usable[0][0]) if usable else None
+        usable.append((D65_XY, matrix))
+    light, matrix = min(usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]), default=(D65_XY, None))
+    return None if matrix is None else camera_to_xyz(matrix, neutral, light)
 
 
 def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY) -> Matrix:
@@ -296,10 +299,6 @@ def _usable(values: Any) -> DoubleArray | None:
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
     field = tags.get(tag)
     return field.numbers if field else ()
-
-
-def _illuminant(light: tuple[float, ...]) -> tuple[float, float]:
-    return ILLUMINANTS[_ILLUMINANTS.get(int(light[0]), "D65") if light and 0 <= light[0] < 2**16 else "D65"]
 
 
 def raw_directories(path: Path) -> StoredDirectories:

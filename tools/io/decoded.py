@@ -1,7 +1,7 @@
 """What a decoder makes of a picture file, and what all decoders share: how they fail, which channels samples are, transparency."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +21,6 @@ _MOST_SAMPLES = 4  # of a picture: RGB and transparency
 MOST_PAGES = 26
 """Pages of a file that are taken together: one more than a pattern has channels."""
 _COLOR_SPACE, _INTEROPERABILITY_INDEX = 40961, 1  # Exif tags
-_UNCALIBRATED = "Exif says that the colours are not those of sRGB, and not which they are; sRGB's are assumed"
-_UNREADABLE_PROFILE = "the embedded colour profile is damaged; it is ignored"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +39,7 @@ class Decoded:
     peak: int | None
     encoding: Encoding | None = None
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
     channels: str = RGB
 
 
@@ -77,11 +75,10 @@ def guarded(path: Path | str) -> Iterator[None]:
         raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
 
 
-def channels_of(
-    count: int, wanted: str, *, alpha: bool = False, colour: bool = False, pages: int = 1
-) -> tuple[str, tuple[str, ...]]:
-    """Which channels `count` samples per pixel without names are: `wanted`, "" for a grey or RGB picture; and notes.
+def channels_of(count: int, wanted: str, notes: list[str], *, alpha: bool = False, colour: bool = False, pages: int = 1) -> str:
+    """Return which channels `count` samples per pixel without names are: `wanted`, or "" for a grey or RGB picture.
 
+    notes: gets remarks for the user.
     alpha: one of them is declared to be transparency.
     colour: three of them are declared to be red, green and blue.
     pages: that they come from.
@@ -92,31 +89,40 @@ def channels_of(
         stacked += " or more"
     of_rgb = set(scene_channels(wanted)) <= set(RGB)
     if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
-        return wanted, (f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order",)
+        notes.append(f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order")
+        return wanted
     if pages > 1 and count == len(RGB) and of_rgb:
-        return "", (f"its {stacked} are taken for red, green and blue",)
-    if count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+        notes.append(f"its {stacked} are taken for red, green and blue")
+    elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
         raise InputError(
             f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
             "(`pattern`), or red, green and blue"
         )
-    return "", ()
+    return ""
 
 
-def without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
-    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3), and notes."""
+def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
+    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3). notes: gets a remark for the user."""
     pixels = np.atleast_3d(pixels)
-    return (pixels, ()) if pixels.shape[2] in (1, 3) else (pixels[..., :-1], ("transparency is left out",))
+    if pixels.shape[2] in (1, 3):
+        return pixels
+    notes.append("transparency is left out")
+    return pixels[..., :-1]
 
 
-def profile_encoding(profile: bytes | None) -> tuple[Encoding | None, tuple[str, ...]]:
-    """The encoding that an embedded ICC profile declares, and notes; None without one, and for one that is not read."""
+def profile_encoding(profile: bytes | None, notes: list[str]) -> Encoding | None:
+    """Return the encoding that an embedded ICC profile declares; None without one, and for one that is not read.
+
+    notes: gets a remark for the user.
+    """
     encoding = read_profile(bytes(profile)) if profile else None
-    return encoding, (_UNREADABLE_PROFILE,) if profile and not encoding else ()
+    if profile and not encoding:
+        notes.append("the embedded colour profile is damaged; it is ignored")
+    return encoding
 
 
-def exif_encoding(exif: IO[bytes]) -> tuple[Encoding | None, tuple[str, ...]]:
-    """The encoding that a block of Exif declares, and notes; None without one.
+def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
+    """Return the encoding that a block of Exif declares; None without one. notes: gets a remark for the user.
 
     ColorSpace is 1 for sRGB and 65535 for any other space (CIPA DC-008, 4.6.6). Of those, cameras have Adobe RGB, and mark it by
     the interoperability index R03 (DCF 2.0, CIPA DC-009); some write 2 for it.
@@ -126,13 +132,15 @@ def exif_encoding(exif: IO[bytes]) -> tuple[Encoding | None, tuple[str, ...]]:
     number = space.numbers[:1] if space else ()
     option = index.data[:3] if index else b""
     if number == (1,):
-        return SRGB, ()
+        return SRGB
     if number == (2,) or option == b"R03":
-        return ADOBE_RGB, ()
-    return None, (_UNCALIBRATED,) if number and option != b"R98" else ()
+        return ADOBE_RGB
+    if number and option != b"R98":
+        notes.append("Exif says that the colours are not those of sRGB, and not which they are; sRGB's are assumed")
+    return None
 
 
-def remark_on_unused(names: Iterable[str]) -> tuple[str, ...]:
-    """One note for the user on what a file has besides, and is not used; none for no names."""
-    listed = ", ".join(names)
-    return (f"not used: {listed}",) if listed else ()
+def remark_on_unused(names: Iterable[str], notes: list[str]) -> None:
+    """Add one remark for the user on what a file has besides, and is not used, to its notes."""
+    if listed := ", ".join(names):
+        notes.append(f"not used: {listed}")

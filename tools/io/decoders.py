@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...shared.dng import read_metadata
 from ...shared.errors import InputError
-from ...shared.jpeg_check import JpegHeader, read_header
+from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from .decoded import (
     MOST_PAGES,
@@ -60,10 +60,9 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
             f"the array is {array.dtype} of shape {array.shape}; "
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, channels)"
         )
-    found, notes = channels_of(array.shape[2] if array.ndim == 3 else 1, channels)
-    pixels = np.array(array)
-    if not found:
-        pixels, notes = without_alpha(pixels)
+    notes: list[str] = []
+    found = channels_of(array.shape[2] if array.ndim == 3 else 1, channels, notes)
+    pixels = np.array(array) if found else without_alpha(np.array(array), notes)
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes, channels=found or RGB)
 
 
@@ -88,13 +87,13 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     with path.open("rb") as file:
         header = file.read(_HEADER).ljust(_HEADER, b"\0")
     width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
-    wide = header[24] == 16
+    wide, notes = header[24] == 16, list[str]()
     check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
     png, beside, unused = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
-    pixels, notes = without_alpha(imagecodecs.png_decode(png))
-    encoding, remarks = _encoding(beside, unused, 65535 if wide else 255)
-    metadata = read_metadata(BytesIO(beside.get(b"eXIf", b"")))
-    return Decoded(pixels, 65535 if wide else 255, encoding, metadata, notes + remarks)
+    pixels, peak = without_alpha(imagecodecs.png_decode(png), notes), 65535 if wide else 255
+    encoding = _encoding(beside, unused, peak, notes)
+    remark_on_unused(unused, notes)
+    return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
 
 
 def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]]:
@@ -134,26 +133,24 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
     return b"".join(kept), beside, unused
 
 
-def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int) -> tuple[Encoding | None, tuple[str, ...]]:
-    """The encoding that a PNG declares, and notes: cICP before iCCP before sRGB before gAMA and cHRM (PNG, third edition, 4.3).
+def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int, notes: list[str]) -> Encoding | None:
+    """Return the encoding that a PNG declares: cICP before iCCP before sRGB before gAMA and cHRM (PNG, third edition, 4.3).
 
     unused: what the file has besides; what is declared and not read is added.
     peak: largest sample.
+    notes: gets a remark for the user.
     """
-    encoding, notes = None, list[str]()
     if b"cICP" in beside:
-        encoding = _coded(beside[b"cICP"], peak)
-        if encoding is None:
-            unused.append(f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does not read")
-    if encoding is None and b"iCCP" in beside:
+        if encoding := _coded(beside[b"cICP"], peak):
+            return encoding
+        unused.append(f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does not read")
+    if b"iCCP" in beside:
         profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]  # behind its name and the method, of which there is one
         with suppress(zlib.error):
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
-        encoding, remarks = profile_encoding(profile or compressed or b"none")
-        notes += remarks
-    if encoding is None:
-        encoding = SRGB if b"sRGB" in beside else _gamma_and_primaries(beside, unused)
-    return encoding, (*notes, *remark_on_unused(unused))
+        if encoding := profile_encoding(profile or compressed or b"none", notes):
+            return encoding
+    return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside, unused)
 
 
 def _coded(code: bytes, peak: int) -> Encoding | None:
@@ -200,24 +197,15 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
         raise InputError(f"the JPEG has {kind} (CMYK, ...); convert it to RGB or grey of 8 bits")
     if not header.complete:  # libjpeg makes grey of what is missing
         raise InputError("the picture is cut short: its end is missing; copy it again")
-    pixels = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg))
-    encoding, notes = profile_encoding(_profile(header))
-    if encoding is None:
-        encoding, remarks = exif_encoding(BytesIO(header.exif))
-        notes += remarks
-    notes += remark_on_unused(_unused(jpeg, header))
-    return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
-
-
-def _profile(header: JpegHeader) -> bytes:
-    """The ICC profile, whose parts begin with their number and how many there are; b"" without one."""
-    return b"".join(part[2:] for part in sorted(header.held(_PROFILE), key=lambda part: part[:1]))
-
-
-def _unused(jpeg: bytes, header: JpegHeader) -> list[str]:
+    pixels, notes = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg)), list[str]()
+    # The parts of a profile begin with their number, and how many there are.
+    profile = b"".join(part[2:] for part in sorted(header.held(_PROFILE), key=lambda part: part[:1]))
+    encoding = profile_encoding(profile, notes) or exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
-        return ["a gain map for HDR (this is the plain picture, whose highlights end at white)"]
-    return ["further pictures in the file"] if header.held(_SEVERAL) else []
+        remark_on_unused(["a gain map for HDR (this is the plain picture, whose highlights end at white)"], notes)
+    elif header.held(_SEVERAL):
+        remark_on_unused(["further pictures in the file"], notes)
+    return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
 
 
 _JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg)
@@ -229,11 +217,12 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
         raise InputError(f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save it as half or float")
-    stated, unused = facts["chromaticities"], [str(name) for name in facts["unused"]]
+    stated, unused, notes = facts["chromaticities"], [str(name) for name in facts["unused"]], list[str]()
     matrix = space_of(stated) if stated else None
     unused += ["its chromaticities, which are those of no colours"] if stated and not matrix else []
+    remark_on_unused(unused, notes)
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
-    return Decoded(pixels, None, encoding, notes=remark_on_unused(unused), channels=str(facts["channels"]))
+    return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], Facts]:

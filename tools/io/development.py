@@ -116,4 +116,4 @@ def write_picture(
     """
     development.check()
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        development.kind.kept_as.write(file, bands, development, threads=threads, folder=Path(path).parent)
+        development.kind.kept_as.write(file, bands, development, threads, Path(path).parent)

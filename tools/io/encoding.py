@@ -89,7 +89,7 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
 
     narrow: 0 for the full range; in the narrow range what one of 256 steps is of the largest value: black is 16, white 235 of them.
     """
-    curve, corners = _coded_curve(transfer), _CODED_PRIMARIES.get(primaries)
+    curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:
         return None
     note = ""
@@ -102,25 +102,6 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
         curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
     matrix = as_rows(primaries_to_xyz(*corners))
     return Encoding((curve,) * 3, matrix, f"primaries {primaries} and transfer {transfer} of H.273", note)
-
-
-def _coded_curve(transfer: int) -> Curve | None:
-    match transfer:
-        case 1 | 6 | 14 | 15:
-            return _bt709
-        case 4:
-            return power_curve(2.2)
-        case 5:
-            return power_curve(2.8)
-        case 8:
-            return power_curve(1.0)
-        case 13:
-            return decode_srgb
-        case 16:
-            return _pq
-        case 18:
-            return lambda encoded: _hlg(encoded) / float(_hlg(np.array(_HLG_WHITE)))
-    return None
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:
@@ -137,7 +118,20 @@ def _pq(encoded: DoubleArray) -> DoubleArray:
 
 
 def _hlg(encoded: DoubleArray) -> DoubleArray:
-    """BT.2100, table 5: reference HLG OETF, inverted."""
+    """BT.2100, table 5: reference HLG OETF, inverted; 1 = white."""
     a = 0.17883277
     b, c = 1 - 4 * a, 0.5 - a * np.log(4 * a)
-    return np.where(encoded <= 0.5, encoded**2 / 3, (np.exp((encoded - c) / a) + b) / 12)
+    white = (np.exp((_HLG_WHITE - c) / a) + b) / 12
+    return np.where(encoded <= 0.5, encoded**2 / 3, (np.exp((encoded - c) / a) + b) / 12) / white
+
+
+# H.273, table 3.
+_CODED_CURVES: dict[int, Curve] = {
+    **dict.fromkeys((1, 6, 14, 15), _bt709),
+    4: power_curve(2.2),
+    5: power_curve(2.8),
+    8: power_curve(1.0),
+    13: decode_srgb,
+    16: _pq,
+    18: _hlg,
+}

@@ -43,30 +43,21 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
     corner: (row, column) of the first pixel of that part.
     """
     rows, columns = (slice(start, start + _SHOWN) for start in corner)
-    shown = ColourTransform.to_space(mosaic.calibration)
-    gain = mosaic.calibration.full_scale / float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
-    scale = gain / mosaic.calibration.full_scale
-    grey = np.repeat(mosaic.signal[rows, columns, None] * scale, 3, axis=2)
+    white = float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
+    signal, filled = (np.repeat(plane[rows, columns, None] / white, 3, axis=2) for plane in (mosaic.signal, luminance))
     planes = mosaic.pattern.filter_map(mosaic.shape)[rows, columns]
     tints = np.array([_FILTERS[letter] for letter in mosaic.pattern.planes], np.float32) / 255
-    tints[-1] = 1
-    colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(grey * 3, 0, 1)) * tints[planes], 0.1)
-    light = np.repeat(luminance[rows, columns, None] * scale, 3, axis=2)
+    colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(signal * 3, 0, 1)) * tints[planes], 0.1)
+    gain = np.float32(mosaic.calibration.full_scale / white)
+    coloured = ColourTransform.to_space(mosaic.calibration).apply(rgb[rows, columns] * gain)
+    light = f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance"
     panels = [
         ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),
-        (
-            "The sparse-colour sensor",
-            f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance",
-            _pattern(mosaic.pattern.letters_from()),
-        ),
-        ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(grey, 0, 1)))),
+        ("The sparse-colour sensor", light, _pattern(mosaic.pattern.letters_from())),
+        ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(signal, 0, 1)))),
         ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
-        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(light, 0, 1)))),
-        (
-            "Colour, propagated",
-            "along the edges of luminance (Eqs. 6-14)",
-            _enlarged(shown.apply(rgb[rows, columns] * np.float32(gain))),
-        ),
+        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(filled, 0, 1)))),
+        ("Colour, propagated", "along the edges of luminance (Eqs. 6-14)", _enlarged(coloured)),
     ]
     return _sheet(panels, across=3)
 

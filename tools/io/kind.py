@@ -37,7 +37,7 @@ class PictureKind:
         kept_as = _known(self.format)
         check_quality(self.quality)
         if self.quality is not None and not kept_as.has_quality:
-            lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
+            lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
             raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
         if kept_as.missing:
             raise InputError(kept_as.missing)
@@ -47,21 +47,15 @@ class PictureKind:
             raise InputError(f"{self.format} does not hold {self.space} with {self.bits} bits; it holds {_listed(kept_as)}")
 
     @classmethod
-    def of(
-        cls,
-        format: str = "tif",  # noqa: A002
-        bits: int | None = None,
-        space: str | None = None,
-        quality: int | None = None,
-    ) -> "PictureKind":
+    def of(cls, name: str, bits: int | None = None, space: str | None = None, quality: int | None = None) -> "PictureKind":
         """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
-        kept_as = _known(format)
+        kept_as = _known(name)
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
-                return cls(format, bits or possible[0], candidate, quality)
+                return cls(name, bits or possible[0], candidate, quality)
         if space is None:
-            raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(kept_as)}")
-        return cls(format, bits or 0, space, None)  # raises InputError with the reason
+            raise InputError(f"{name} does not hold {bits} bits; it holds {_listed(kept_as)}")
+        return cls(name, bits or 0, space, None)  # raises InputError with the reason
 
     @property
     def kept_as(self) -> Format:
@@ -79,19 +73,18 @@ class PictureKind:
         return self.space != CAMERA or self.format == "dng"
 
     @property
-    def as_measured(self) -> tuple[str, str]:
-        """What makes this a kind of the space "camera", and what to do instead, for messages."""
+    def as_measured(self) -> str:
+        """What a kind of the space "camera" is, and what to do instead, for messages."""
         if set(self.kept_as.spaces) == {CAMERA}:
-            return f"a {self.format}", "choose another format, such as tif"
-        return '`space="camera"`', "choose another space, such as linear-srgb"
+            return f"a {self.format} is the scene as measured; choose another format, such as tif"
+        return '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
 
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            what, instead = self.as_measured
-            raise InputError(f"`exposure` is {exposure:g} stops, but {what} is the scene as measured; {instead}")
+            raise InputError(f"`exposure` is {exposure:g} stops, but {self.as_measured}")
 
 
 def _known(name: str) -> Format:

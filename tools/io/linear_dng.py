@@ -1,4 +1,7 @@
-"""Linear DNGs as scenes: three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and Lightroom write them."""
+"""DNGs as scenes: linear ones, and the corrections that any of them asks for, which are not made.
+
+A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and Lightroom write them.
+"""
 
 import zlib
 from pathlib import Path
@@ -14,7 +17,7 @@ from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
-from ...shared.tiff_check import check_directories
+from ...shared.tiff_check import PLAIN, check_directories
 from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
@@ -26,6 +29,17 @@ _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 5071
 _LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, TAG["BlackLevelRepeatDim"], TAG["BlackLevel"])
 _READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}  # nothing else is, such as an original RAW inside
 _DEFLATE = (8, 32946)
+# Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
+_LISTS = (51008, 51009, 51022)  # OpcodeList1 to 3
+# From number 1 on.
+# fmt: off
+_NAMES = (
+    "WarpRectilinear", "WarpFisheye", "FixVignetteRadial", "FixBadPixelsConstant",
+    "FixBadPixelsList", "TrimBounds", "MapTable", "MapPolynomial", "GainMap",
+    "DeltaPerRow", "DeltaPerColumn", "ScalePerRow", "ScalePerColumn", "WarpRectilinear2",
+)
+# fmt: on
+_HEAD = 16  # bytes of an opcode: its number, version, flags and length
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
@@ -121,9 +135,7 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
-            raise InputError(
-                f"the active area {area.astype(int).tolist()} is outside the picture: the file is damaged; copy it again"
-            )
+            raise InputError("the active area is outside the picture: the file is damaged; copy it again")
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
@@ -149,3 +161,26 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
         if (delta := tag_numbers(page, tag)).size == shape[axis]:
             black = black + np.expand_dims(delta, (1 - axis, 2))
     return black
+
+
+def remark_on_opcodes(path: Path) -> tuple[str, ...]:
+    """One note for the user on the corrections that a DNG asks for; none if it asks for none. Raises whatever tifffile raises."""
+    with path.open("rb") as stream:
+        check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS})
+    with TiffFile(path, **PLAIN) as file:
+        first: Any = file.pages[0]
+        pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]  # previews have none
+        lists = [bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags]
+    names = dict.fromkeys(name for opcodes in lists for name in _names(opcodes))
+    if not names:
+        return ()
+    return (f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF of a raw developer has them",)
+
+
+def _names(opcodes: bytes) -> list[str]:
+    found, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
+    while place + _HEAD <= len(opcodes) and len(found) < min(count, 1024):
+        number, length = (int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12))
+        found.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
+        place += _HEAD + length
+    return found

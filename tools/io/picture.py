@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from ...shared.colorimetry import Matrix, among, as_rows
+from ...shared.colorimetry import among, as_rows
 from ...shared.errors import InputError
 from ...shared.white_balance import shades_of_grey
 from .clipped import with_white_highlights
@@ -19,7 +19,6 @@ from .scene import RGB, Scene
 # 12-bit samples as the camera wrote them, one pixel for each 2 x 2 quad of the Bayer sensor. Name of files, black level, camera.
 _GEHLERS = ((r"IMG_\d{4}", 129, "Canon 5D"), (r"8D5U\d{4}", 0, "Canon 1D"))
 _GEHLERS_WHITE = 4095  # 12 bits
-_ASSUMED_LINEAR = "nothing says how the values are encoded: taken as linear light with {} primaries, white balanced"
 _USUAL_BITS = (8, 10, 12, 14, 16)  # of samples that are stored in wider words
 
 
@@ -35,27 +34,31 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     Integers are divided by their peak; a note says so if they may have fewer bits than the words that hold them.
     Raises InputError for integers wider than 32 bits, and for whatever `Scene` refuses.
     """
-    encoding, notes = _encoding(picture, linear)
-    pixels = picture.pixels
+    pixels, notes = picture.pixels, [*picture.notes]
+    encoding = _encoding(picture, linear, notes)
     if pixels.dtype.kind == "f":
         with np.errstate(over="ignore"):  # `Scene` refuses infinite values
             rgb = pixels.astype(np.float32)
-        notes += _remark_on_range(rgb)
+        highest = float(rgb.max(initial=0))
+        if 1 < highest < np.inf:
+            notes.append(
+                f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended"
+            )
     elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
         if encoding.profile:
             rgb = through_tables(pixels, picture.peak, encoding.profile)
         else:
             rgb = _linearised(picture, picture.peak, encoding)
-        notes += _remark_on_bits(int(pixels.max(initial=0)), picture.peak)
+        _remark_on_bits(int(pixels.max(initial=0)), picture.peak, notes)
     else:
         raise InputError(f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or floating point")
     channels = picture.channels
     if rgb.shape[2] == 1:
         rgb = np.repeat(rgb, len(channels), axis=2)
-    matrix = _to_xyz(encoding.to_xyz, channels)
+    # Red, green and blue among other channels, which have no known colour.
+    matrix = as_rows(among(encoding.to_xyz, channels)) if set(RGB) <= set(channels) else None
     neutral, eight_bits = (1.0,) * len(channels), (picture.peak or 256) < 256
-    notes = picture.notes + notes
-    return Scene(rgb, name, matrix, neutral, picture.metadata, notes, channels=channels, eight_bits=eight_bits)
+    return Scene(rgb, name, matrix, neutral, picture.metadata, tuple(notes), channels=channels, eight_bits=eight_bits)
 
 
 def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
@@ -75,31 +78,23 @@ def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
     return None
 
 
-def _to_xyz(to_xyz: Matrix, channels: str) -> Matrix | None:
-    """The matrix of red, green and blue among any channels, the others of which have no known colour; None without these three."""
-    if channels == RGB:
-        return to_xyz
-    if not set(RGB) <= set(channels):
-        return None
-    return as_rows(among(to_xyz, channels))
-
-
-def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]]:
-    said = picture.encoding
-    floating = picture.pixels.dtype.kind == "f"
+def _encoding(picture: Decoded, linear: bool, notes: list[str]) -> Encoding:
+    """Return the encoding by which a picture's values become light, see `picture_scene`. notes: gets remarks for the user."""
+    declared, floating = picture.encoding, picture.pixels.dtype.kind == "f"
     if not floating and picture.channels != RGB:
-        return Encoding(LINEAR.curves[:1] * len(picture.channels), LINEAR.to_xyz, LINEAR.name), ()
+        return replace(LINEAR, curves=LINEAR.curves[:1] * len(picture.channels))
+    assumed = LINEAR if linear or floating or (picture.peak or 0) > 255 else SRGB
+    if declared and declared.curves and not (linear or floating):
+        notes += [declared.note] if declared.note else []
+        return declared
     if linear or floating:
-        primaries = Encoding(LINEAR.curves, said.to_xyz if said else LINEAR.to_xyz, "linear")
-        if said and not said.linear:
+        if declared and not declared.linear:
             why = "floating point is" if floating and not linear else "as requested, the values are"
-            return primaries, (f"{why} taken as linear light, although the file says {said.name}",)
-        return primaries, ()
-    if said and said.curves:
-        return said, (said.note,) if said.note else ()
-    eight_bits, whose = (picture.peak or 0) <= 255, "the file's" if said else "sRGB"
-    assumed = SRGB if eight_bits else LINEAR
-    return replace(assumed, to_xyz=said.to_xyz) if said else assumed, () if eight_bits else (_ASSUMED_LINEAR.format(whose),)
+            notes.append(f"{why} taken as linear light, although the file says {declared.name}")
+    elif assumed is LINEAR:
+        primaries = "the file's" if declared else "sRGB"
+        notes.append(f"nothing says how the values are encoded: taken as linear light with {primaries} primaries, white balanced")
+    return replace(assumed, to_xyz=declared.to_xyz) if declared else assumed
 
 
 def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
@@ -117,24 +112,16 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
     return light
 
 
-def _remark_on_bits(highest: int, peak: int) -> tuple[str, ...]:
-    """Return a note if samples of a usual number of bits lie at the lower end of wider words.
+def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:
+    """Add a remark to the notes if samples of a usual number of bits lie at the lower end of wider words.
 
     highest: of the samples.
     peak: the integer that stands for 1.0.
     """
     bits = next((bits for bits in _USUAL_BITS if highest < 1 << bits), 64)
-    if not highest or (peak + 1) >> bits < 4:
-        return ()
     times = (peak + 1) >> bits
-    return (
-        f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene is {times} times too dark; "
-        f"multiply them by {times}, and save the picture again",
-    )
-
-
-def _remark_on_range(rgb: FloatArray) -> tuple[str, ...]:
-    highest = float(rgb.max(initial=0))
-    if not 1 < highest < np.inf:
-        return ()
-    return (f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended",)
+    if highest and times >= 4:
+        notes.append(
+            f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene is {times} times too dark; "
+            f"multiply them by {times}, and save the picture again"
+        )

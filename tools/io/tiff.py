@@ -44,10 +44,10 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
     """
     import tifffile
 
-    size, held = path.stat().st_size, data_bytes(path)
+    size, held, notes = path.stat().st_size, data_bytes(path), list[str]()
     with path.open("rb") as stream:
         several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ})
-    with tifffile.TiffFile(path, **PLAIN) as file:
+        file = tifffile.TiffFile(stream, **PLAIN)
         first: Any = file.pages[0]
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
@@ -55,60 +55,54 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             )
         pages = [first]
         if several and first.samplesperpixel == 1:
-            with path.open("rb") as stream:
-                check_directories(stream, tifffile.TIFF.TAG_LOAD, MOST_PAGES)
+            check_directories(stream, tifffile.TIFF.TAG_LOAD, MOST_PAGES)
             pages = _stack(file)
         samples = first.samplesperpixel
         if not samples or first.imagedepth != 1 or first.tiledepth != 1:
             raise InputError(f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in depth; expected a picture")
         alpha = any(kind in _ALPHA for kind in first.extrasamples)
         colour = first.photometric == tifffile.PHOTOMETRIC.RGB
-        found, notes = channels_of(samples * len(pages), channels, alpha=alpha, colour=colour, pages=len(pages))
+        found = channels_of(samples * len(pages), channels, notes, alpha=alpha, colour=colour, pages=len(pages))
         pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)  # a grey scene has three planes as well
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
         offsets, lengths = ([each for page in pages for each in getattr(page, name)] for name in ("dataoffsets", "databytecounts"))
         check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
         pixels = _page_pixels(first) if len(pages) == 1 else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
         if not found:
-            pixels, remarks = without_alpha(pixels)
-            notes += remarks
+            pixels = without_alpha(pixels, notes)
         if several and len(pages) == 1:
-            notes += ("the file has several pages; only the first is used",)
-        peak, remarks = _peak(first, pixels)
-        notes += remarks
-        profile = first.tags.get(_ICC_PROFILE)
-        encoding, remarks = profile_encoding(profile and profile.value)
-        notes += remarks
-        if encoding is None:
-            encoding, remarks = _declared(first)
-            notes += remarks
-    with path.open("rb") as stream:
-        metadata = read_metadata(stream)
+            notes.append("the file has several pages; only the first is used")
+        peak, profile = _peak(first, pixels, notes), first.tags.get(_ICC_PROFILE)
+        encoding = profile_encoding(profile and profile.value, notes) or _declared(first, notes)
         if encoding is None and peak:
-            encoding, remarks = exif_encoding(stream)
-            notes += remarks
+            encoding = exif_encoding(stream, notes)
+        metadata = read_metadata(stream)
     return Decoded(pixels, peak, encoding, metadata, notes, found or RGB)
 
 
-def _peak(page: Any, pixels: NDArray[Any]) -> tuple[int | None, tuple[str, ...]]:
-    """The integer that stands for 1.0, None for floating point; and notes.
+def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
+    """Return the integer that stands for 1.0; None for floating point. notes: gets a remark for the user.
 
     A largest sample of 2^n - 1 says that the samples have n bits. Any other is a figure of the picture (TIFF 6.0, MaxSampleValue).
     """
     if pixels.dtype.kind != "u":
-        return None, ()
+        return None
     peak = (1 << page.bitspersample) - 1
     if _TRANSFER in page.tags:  # a table for all samples
-        return peak, ()
+        return peak
     stated = max((*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()), default=peak)
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
-        return peak, ()
-    return largest, (f"the file says that its largest sample is {largest}, which is taken for white",)
+        return peak
+    notes.append(f"the file says that its largest sample is {largest}, which is taken for white")
+    return largest
 
 
-def _declared(page: Any) -> tuple[Encoding | None, tuple[str, ...]]:
-    """The encoding in the fields of the TIFF itself, and notes: TransferFunction, PrimaryChromaticities and WhitePoint."""
+def _declared(page: Any, notes: list[str]) -> Encoding | None:
+    """Return the encoding in the fields of the TIFF itself: TransferFunction, PrimaryChromaticities and WhitePoint.
+
+    notes: gets a remark for the user.
+    """
     unused = ["GrayResponseCurve"] if _GREY_CURVE in page.tags else []
     references, top = tag_numbers(page, _REFERENCES), (1 << page.bitspersample) - 1
     if references.size and references.tolist() != [0, top] * 3:
@@ -126,8 +120,8 @@ def _declared(page: Any) -> tuple[Encoding | None, tuple[str, ...]]:
             curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
         else:
             unused.append("TransferFunction")
-    encoding = Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF") if curves or to_xyz else None
-    return encoding, remark_on_unused(unused)
+    remark_on_unused(unused, notes)
+    return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF") if curves or to_xyz else None
 
 
 def tag_numbers(page: Any, tag: int) -> DoubleArray:

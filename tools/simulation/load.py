@@ -22,8 +22,7 @@ from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.decoded import PictureFormat, guarded
 from ..io.decoders import FORMATS
-from ..io.dng_opcodes import remark_on_opcodes
-from ..io.linear_dng import linear_dng_scene
+from ..io.linear_dng import linear_dng_scene, remark_on_opcodes
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
 from ..io.tiff import TIFF

@@ -1,6 +1,5 @@
 """Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
 
-from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,19 +35,14 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
 # --- how much -------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("option", "size"), [("1", 1), ("3K", 3072), ("800M", 800 * 2**20), ("1.5g", 3 * 2**29), ("2GiB", 2**31), ("1TB", 2**40)]
-)
-def test_sizes_are_read(option: str, size: int) -> None:
-    assert parse_bytes(option) == size
+def test_sizes_are_read_and_shown_rounded_up() -> None:
+    sizes = {"1": 1, "3K": 3072, "800M": 800 << 20, "1.5g": 3 << 29, "2GiB": 2 << 30, "1TB": 1 << 40}
+    assert {option: parse_bytes(option) for option in sizes} == sizes
     for wrong in ("", "0", "-1G", "4 G", "4X", "0.0M"):
         with pytest.raises(ValueError):  # noqa: PT011  the command says what is expected
             parse_bytes(wrong)
-
-
-@pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])
-def test_sizes_are_rounded_up(size: int, words: str) -> None:
-    assert format_bytes(size) == words
+    words = {1: "1 MB", 900 << 20: "900 MB", 1 << 30: "1.0 GB", (1 << 30) + 1: "1.1 GB"}
+    assert {size: format_bytes(size) for size in words} == words
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
@@ -109,28 +103,22 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
         kernel(np.ones(1, np.float32))
         kernel(np.ones(1, np.float32))
     (line,) = said
-    assert line.endswith(
-        "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR to a folder that you may write to"
-    )
+    assert "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR" in line
 
 
 def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    missing, compiled = ["one", "two", "three"], []
-
-    def compile_all(names: Sequence[str], processes: int, note: Callable[[str], None]) -> Iterator[tuple[str, object]]:
-        for name in names:
-            compiled.append((name, processes))
-            yield name, None
-
+    missing, compiled, notes = ["one", "two", "three"], list[str](), list[str]()
     monkeypatch.setattr(offline, "kernels_to_compile", lambda *settings: missing)
+
+    def compile_all(names: list[str], *_: object) -> list[str]:
+        compiled.extend(names)
+        return names
+
     monkeypatch.setattr(product, "compile_all", compile_all)
-    notes: list[str] = []
     product.compile_ahead([offline.PAPER], 1, StageProgress(note=notes.append))
     assert (notes, compiled) == ([], [])
-    product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
-    assert compiled == [("one", 2), ("two", 2), ("three", 2)]
-    assert notes[0].startswith("compiling the renderer for this processor")
-    assert len(notes) == 1
-    missing.clear()
-    product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
-    assert len(compiled) == 3
+    for _ in range(2):
+        product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
+        assert compiled == ["one", "two", "three"]
+        assert len(notes) == 1
+        missing.clear()

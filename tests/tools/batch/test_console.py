@@ -40,11 +40,11 @@ def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
     out.error("a fault")
     shown = capsys.readouterr()
     assert shown.out == ('{"source": "x", "ok": true}\n' if json else "a result\n")
-    said = shown.err.splitlines()
-    assert said.pop() == "panchroma: a fault"
-    assert [line.rpartition(" 0.")[0] or line for line in said] == (
-        [] if quiet else [*(["a result"] if json else []), "a note", "x: luminance"]
-    )
+    *remarks, fault = shown.err.splitlines()
+    assert fault == "panchroma: a fault"
+    results = ["a result"] if json else []
+    expected = [] if quiet else [*results, "a note", "x: luminance"]
+    assert [line.rpartition(" 0.")[0] or line for line in remarks] == expected
 
 
 class Terminal(io.StringIO):

@@ -1,5 +1,6 @@
 """The journal: what was written is read, by others too, a cut-off line costs nothing but itself; and what its keys depend on."""
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -56,14 +57,11 @@ def test_lines_of_others_are_not_believed(tmp_path: Path, line: bytes) -> None:
     assert journal.of("a.tif") == [entry()]
 
 
-@pytest.mark.parametrize("kind", ["symbolic", "hard"])
-def test_a_link_in_the_place_of_the_journal_changes_no_original(tmp_path: Path, kind: str) -> None:
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_a_link_in_the_place_of_the_journal_changes_no_original(tmp_path: Path, link: Callable[[Path, Path], None]) -> None:
     original = tmp_path / "shot.dng"
     original.write_bytes(b"a photograph")
-    if kind == "symbolic":
-        (tmp_path / NAME).symlink_to(original)
-    else:
-        (tmp_path / NAME).hardlink_to(original)
+    link(tmp_path / NAME, original)
     with pytest.raises(OutputError, match=r"remove it|replace it by a copy"):
         Journal(tmp_path).append(entry())
     assert original.read_bytes() == b"a photograph"
@@ -98,20 +96,18 @@ def test_a_lock_that_a_dead_process_left_is_taken_over(tmp_path: Path) -> None:
 
 def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
     """Waiters who get the lock on a file that has been removed meanwhile have a lock on nothing."""
-    inside, most, turns = 0, 0, []
+    inside, turns = list[int](), list[int]()
 
-    def work(_: int) -> None:
-        nonlocal inside, most
+    def work(maker: int) -> None:
         for _ in range(100):
             with output_lock(tmp_path / "a.tif"):
-                inside += 1
-                most = max(most, inside)
-                turns.append(1)
-                inside -= 1
+                inside.append(maker)
+                turns.append(len(inside))
+                inside.pop()
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(work, range(4)))
-    assert (most, len(turns)) == (1, 400)
+    assert turns == [1] * 400
     assert list(tmp_path.iterdir()) == []
 
 

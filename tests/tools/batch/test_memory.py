@@ -14,14 +14,15 @@ def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(control_groups, "_USUAL", tmp_path)
     everything = available_memory()
     assert everything > 2**20
-    (tmp_path / "memory.current").write_text("3000\n")
-    (tmp_path / "memory.max").write_text("5000\n")
-    assert available_memory() == 2000
-    (tmp_path / "memory.max").write_text("max\n")
-    assert available_memory() > 2**20
-    (tmp_path / "memory.high").write_text("6000\n")
-    (tmp_path / "memory.stat").write_text("anon 2000\ninactive_file 500\nactive_file 500\n")  # the kernel drops these 500 first
-    assert available_memory() == 3500
+    kernel_drops_first = "anon 2000\ninactive_file 500\nactive_file 500\n"
+    for files, left in (
+        ({"current": "3000\n", "max": "5000\n"}, 2000),
+        ({"max": "max\n", "high": "6000\n"}, 3000),
+        ({"stat": kernel_drops_first}, 3500),
+    ):
+        for name, content in files.items():
+            (tmp_path / f"memory.{name}").write_text(content)
+        assert available_memory() == left
 
 
 MEMBERSHIP = """
@@ -49,31 +50,25 @@ def limited(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return process
 
 
-@pytest.mark.parametrize(
-    ("place", "limit", "usage"),
-    [
-        ("first version/slurm/uid_0/job 1/step_0", "memory.limit_in_bytes", "memory.usage_in_bytes"),
-        ("first version/slurm/uid_0/job 1", "memory.limit_in_bytes", "memory.usage_in_bytes"),
-        ("first version", "memory.limit_in_bytes", "memory.usage_in_bytes"),
-        ("second/system.slice/job.scope/step/task", "memory.max", "memory.current"),
-        ("second/system.slice", "memory.max", "memory.current"),
-        ("second", "memory.max", "memory.current"),
-    ],
-)
+FIRST = ("first version/slurm/uid_0/job 1/step_0", "first version/slurm/uid_0/job 1", "first version")
+SECOND = ("second/system.slice/job.scope/step/task", "second/system.slice", "second")
+
+
+@pytest.mark.parametrize("place", FIRST + SECOND)
 def test_the_limit_of_a_job_counts_in_whichever_of_its_groups_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, limit: str, usage: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
+    limit, usage = ("limit_in_bytes", "usage_in_bytes") if place in FIRST else ("max", "current")
     process = limited(tmp_path, monkeypatch)
     (tmp_path / "second/other.slice").mkdir(parents=True)
     (tmp_path / "second/other.slice/memory.max").write_text("1\n")  # of a job of somebody else
     (folder := tmp_path / place).mkdir(parents=True, exist_ok=True)
     assert available_memory() > 2**20
-    (folder / limit).write_text("5000\n")
+    (folder / f"memory.{limit}").write_text("5000\n")
     assert available_memory() == 5000
-    (folder / usage).write_text("3000\n")
-    assert available_memory() == 2000
-    (folder / usage).write_text("9000\n")
-    assert available_memory() == 0
+    for used, left in ((3000, 2000), (9000, 0)):
+        (folder / f"memory.{usage}").write_text(f"{used}\n")
+        assert available_memory() == left
     (process / "cgroup").write_text("0::/../../elsewhere\nnonsense\n")
     (process / "mountinfo").write_text("nonsense\n")
     assert available_memory() > 2**20
@@ -100,21 +95,22 @@ def test_what_a_slurm_job_was_granted_counts(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    ("place", "files", "expected"),
+    ("name", "quota", "expected"),
     [
-        ("processors", {"cpu.cfs_quota_us": "150000", "cpu.cfs_period_us": "100000"}, 2),
-        ("processors", {"cpu.cfs_quota_us": "-1", "cpu.cfs_period_us": "100000"}, 8),
-        ("second/system.slice", {"cpu.max": "50000 100000"}, 1),
-        ("second/system.slice", {"cpu.max": "max 100000"}, 8),
+        ("processors/cpu.cfs_quota_us", "150000", 2),
+        ("processors/cpu.cfs_quota_us", "-1", 8),
+        ("second/system.slice/cpu.max", "50000 100000", 1),
+        ("second/system.slice/cpu.max", "max 100000", 8),
     ],
 )
 def test_a_quota_of_processor_time_limits_the_number_of_processors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, files: dict[str, str], expected: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, quota: str, expected: int
 ) -> None:
     limited(tmp_path, monkeypatch)
     monkeypatch.setattr("os.sched_getaffinity", lambda _: range(8))
     monkeypatch.setattr(counted, "_quota", counted._quota.__wrapped__)
-    (tmp_path / place).mkdir(parents=True)
-    for name, text in files.items():
-        (tmp_path / place / name).write_text(f"{text}\n")
+    file = tmp_path / name
+    file.parent.mkdir(parents=True)
+    file.with_name("cpu.cfs_period_us").write_text("100000\n")
+    file.write_text(f"{quota}\n")
     assert counted.processors() == expected

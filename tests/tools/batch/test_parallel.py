@@ -70,7 +70,7 @@ def test_a_process_that_is_killed_costs_one_item() -> None:
     killed = found.pop(5)
     assert found == {item: item for item in range(8) if item != 5}
     assert isinstance(killed, PanchromaError)
-    assert str(killed) == ("its process was killed, most likely for want of memory; use fewer `jobs`")
+    assert str(killed).endswith("for want of memory; use fewer `jobs`")
 
 
 def test_processes_that_die_before_they_have_an_item_are_started_again() -> None:
@@ -81,9 +81,7 @@ def test_processes_that_die_before_they_have_an_item_are_started_again() -> None
     assert {item: result[0] for item, result in found.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
-def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(capsys: pytest.CaptureFixture[str]) -> None:
     for verbose in (False, True):
         console = Console(verbose=verbose)
         for _, error in pool(odd, [1, 2, 3]):
@@ -95,21 +93,19 @@ def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(
         assert shown.count("please report it: IndexError in ") == 3
 
 
-def test_leaving_early_ends_all_processes(tmp_path: Path) -> None:
+def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As an interrupt does."""
-
-    class Enough(Exception):  # noqa: N818
-        pass
 
     def when_both_work(number: int, frame: object) -> None:
         if len(list(tmp_path.glob("*.begun"))) == 2:
-            raise Enough
-        signal.setitimer(signal.ITIMER_REAL, 0.05)
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            raise KeyboardInterrupt
 
+    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL", 60)
     before = signal.signal(signal.SIGALRM, when_both_work)
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.05)
-        with pytest.raises(Enough):
+        signal.setitimer(signal.ITIMER_REAL, 0.05, 0.05)
+        with pytest.raises(KeyboardInterrupt):
             list(pool(partial(linger, tmp_path), [1, 2]))
     finally:
         signal.signal(signal.SIGALRM, before)
@@ -118,17 +114,13 @@ def test_leaving_early_ends_all_processes(tmp_path: Path) -> None:
 
 
 def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == [
-        "1 s", "40 s", "12 min", "3 h 20 min",
-    ]  # fmt: skip
+    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == ["1 s", "40 s", "12 min", "3 h 20 min"]
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
     monkeypatch.setattr("panchroma.tools.batch.parallel.time.monotonic", lambda: next(times))
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
     results = one_by_one(lambda item, _: -item, [4, 5, 1], lambda _: StageProgress())
     assert dict(follow(results, [4, 5, 1], StageProgress(), length=float)) == {4: -4, 5: -5, 1: -1}
-    assert said == [
-        "1 of 3 done, about 60 s left", "2 of 3 done, about 6 s left", "3 of 3 done",
-    ]  # fmt: skip
+    assert said == ["1 of 3 done, about 60 s left", "2 of 3 done, about 6 s left", "3 of 3 done"]
 
 
 def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: Path) -> None:

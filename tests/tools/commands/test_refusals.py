@@ -52,7 +52,7 @@ USAGE = {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
-        "--wb auto --space camera": '`wb` does not go with `space="camera"`',
+        "--wb auto --space camera": '`wb` is no choice here: `space="camera"` is the scene as measured',
         "--wb daylight": "`wb` is 'daylight', expected camera, auto or multipliers R,G,B",
         "--wb 2,0,1": "expected multipliers between 0.001 and 1000",
         "--exposure 1 --space camera": '`exposure` is 1 stops, but `space="camera"` is the scene as measured; choose another space',

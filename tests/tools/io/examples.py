@@ -21,6 +21,12 @@ from panchroma.tools.io.samples import upright
 from tests.shared.dng import examples
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
+FOUR = SensorCalibration(
+    channels="RGBE",
+    neutral=(0.5, 1.0, 0.6, 0.9),
+    camera_to_xyz=((0.9, 0.2, 0.1, 0.1), (0.4, 0.6, -0.1, 0.1), (0.0, -0.1, 1.0, 0.2)),
+)
+"""A sensor of four channels with a colour matrix."""
 METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [

@@ -1,6 +1,7 @@
 """Scenes in files of every format."""
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import tifffile
 from PIL import Image
 
 LINEAR_RAW, CFA = 34892, 32803
-ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 2, 3, 4, 5, 10
+BYTE, ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 1, 2, 3, 4, 5, 10
 Fields = dict[int, tuple[int, Any]]
 """Tag -> (TIFF type, values; numerator and denominator in turn where they are rational)."""
 
@@ -40,6 +41,21 @@ def save(path: Path, light: Any, channels: str = "RGB") -> Path:
     return path
 
 
+def png(path: Path, samples: Any, **chunks: bytes) -> str:
+    """Write a PNG with these chunks before its samples."""
+    data = imagecodecs.png_encode(samples)
+    for name, content in chunks.items():
+        chunk = name.encode() + content
+        data = data[:33] + struct.pack(">I", len(content)) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[33:]
+    path.write_bytes(data)
+    return str(path)
+
+
+def iccp(profile: bytes) -> bytes:
+    """Return the content of the chunk iCCP."""
+    return b"profile\0\0" + zlib.compress(profile)
+
+
 def rationals(values: Any) -> tuple[int, ...]:
     """Numerators and denominators in turn."""
     return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
@@ -59,29 +75,27 @@ def write_dng(
 
     above: fields of a first directory, which has a preview; None = that of the samples is the first.
     """
-    tags: list[Any] = _tags(fields or {})
-    if kind == CFA:
-        side = round(len(order) ** 0.5)
-        filters = bytes("RGB".index(letter) for letter in order)
-        tags += [(33421, "H", 2, (side, side), True), (33422, "B", len(order), filters, True)]
-    first = [(50706, "B", 4, bytes((1, 4, 0, 0)), True), (50708, "s", 0, "Test camera", True)]
+    side, filters = round(len(order) ** 0.5), bytes("RGB".index(letter) for letter in order)
+    pattern: Fields = {33421: (SHORT, (side, side)), 33422: (BYTE, filters)} if kind == CFA else {}
+    first: Fields = {50706: (BYTE, (1, 4, 0, 0)), 50708: (ASCII, "Test camera"), **(above or {})}
+    tags = _tags({**(first if above is None else {}), **pattern, **(fields or {})})
     single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
     with tifffile.TiffWriter(path, byteorder="<") as file:
-        if above is None:
-            tags += first
-        else:
-            preview, described = np.zeros((8, 8, 3), np.uint8), first + _tags(above)
-            file.write(preview, photometric="rgb", subfiletype=1, subifds=1, extratags=described, metadata=None)
-        file.write(samples, photometric="minisblack" if single else kind, extratags=tags, metadata=None, **options)
+        if above is not None:
+            preview: dict[str, Any] = {"photometric": "rgb", "subfiletype": 1, "subifds": 1, "extratags": _tags(first)}
+            file.write(np.zeros((8, 8, 3), np.uint8), metadata=None, **preview)
+        options |= {"photometric": "minisblack" if single else kind, "extratags": tags}
+        file.write(samples, metadata=None, **options)
     if single:
-        entry = struct.pack("<HHI", 262, SHORT, 1)
-        path.write_bytes(path.read_bytes().replace(entry + struct.pack("<I", 1), entry + struct.pack("<I", LINEAR_RAW)))
+        grey, linear = (struct.pack("<HHII", 262, SHORT, 1, number) for number in (1, LINEAR_RAW))
+        path.write_bytes(path.read_bytes().replace(grey, linear))
     return str(path)
 
 
 def _tags(fields: Fields) -> list[Any]:
     tags = []
     for tag, (kind, values) in fields.items():
-        count = 0 if isinstance(values, str) else len(values) // (2 if kind in (RATIONAL, SRATIONAL) else 1)
-        tags.append((tag, kind, count, values if isinstance(values, str) else tuple(values), True))
+        numbers = 2 if kind in (RATIONAL, SRATIONAL) else 1  # of each value
+        text = isinstance(values, str)
+        tags.append((tag, kind, 0 if text else len(values) // numbers, values if text else tuple(values), True))
     return tags

@@ -1,5 +1,6 @@
 """Scenes with other channels than red, green and blue: the same light from every format, and what is none of it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,25 +28,26 @@ def load(path: Path, channels: str = BANDS) -> Scene:
     return load_scene(str(path), channels=channels)
 
 
-@pytest.mark.parametrize("kind", ["npy", "exr", "contig", "planar", "pages", "series", "tiles"])
+def tiff(path: Path, light: Any, **options: Any) -> Path:
+    tifffile.imwrite(path, light, photometric="minisblack", **options)
+    return path
+
+
+PLANES = np.moveaxis(LIGHT, -1, 0).copy()
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "npy": lambda path: save(path.with_suffix(".npy"), LIGHT),
+    "exr": lambda path: save(path.with_suffix(".exr"), LIGHT, BANDS),
+    "contig": lambda path: tiff(path, LIGHT, planarconfig="contig"),
+    "planar": lambda path: tiff(path, PLANES, planarconfig="separate", compression="deflate"),
+    "pages": lambda path: pages(path, LIGHT, compression="lzw"),
+    "series": lambda path: tiff(path, PLANES),
+    "tiles": lambda path: pages(path, LIGHT, tile=(16, 16)),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
 def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
-    path, planes = tmp_path / "a.tif", np.moveaxis(LIGHT, -1, 0).copy()
-    match kind:
-        case "npy":
-            path = save(tmp_path / "a.npy", LIGHT)
-        case "exr":
-            path = save(tmp_path / "a.exr", LIGHT, BANDS)
-        case "contig":
-            tifffile.imwrite(path, LIGHT, photometric="minisblack", planarconfig="contig")
-        case "planar":
-            tifffile.imwrite(path, planes, photometric="minisblack", planarconfig="separate", compression="deflate")
-        case "pages":
-            pages(path, LIGHT, compression="lzw")
-        case "series":
-            tifffile.imwrite(path, planes, photometric="minisblack")
-        case "tiles":
-            pages(path, LIGHT, tile=(16, 16))
-    scene = load(path)
+    scene = load(WRITERS[kind](tmp_path / "a.tif"))
     assert np.array_equal(scene.rgb, LIGHT)
     assert (scene.channels, scene.camera_to_xyz, scene.neutral) == (BANDS, None, (1.0,) * 5)
     named = ["in this order" in note and "V, R, N, G, U" in note for note in scene.notes]
@@ -54,7 +56,7 @@ def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
 
 def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(tmp_path: Path) -> None:
     four, short = LIGHT[..., :4], (LIGHT[..., :4] * 65535).astype(np.uint16)
-    tifffile.imwrite(tmp_path / "bands.tif", four, photometric="minisblack", planarconfig="contig")
+    tiff(tmp_path / "bands.tif", four, planarconfig="contig")
     tifffile.imwrite(tmp_path / "alpha.tif", short, photometric="rgb", extrasamples=["unassalpha"])
     for path in (save(tmp_path / "a.npy", four), tmp_path / "bands.tif"):
         assert np.array_equal(load(path, "VRNG").rgb, four)

@@ -1,12 +1,10 @@
 """What files declare of their colours is used, in the order of their standards; what is not used is said in one note."""
 
 import struct
-import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import imagecodecs
 import numpy as np
 import pytest
 import tifffile
@@ -16,7 +14,7 @@ from panchroma.shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_
 from panchroma.tools.io.colour import P3_PRIMARIES, encode_srgb
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
-from tests.tools.io.files import LINEAR_RAW, write_dng
+from tests.tools.io.files import LINEAR_RAW, iccp, png, rationals, write_dng
 from tests.tools.io.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
 
 D65 = (0.3127, 0.3290)
@@ -55,22 +53,8 @@ def codes(encoded: Any, dtype: Any = np.uint16) -> Any:
     return np.rint(encoded * np.iinfo(dtype).max).astype(dtype)
 
 
-def png(path: Path, samples: Any, **chunks: bytes) -> Path:
-    data = imagecodecs.png_encode(samples)
-    added = b"".join(
-        struct.pack(">I", len(held)) + name.encode() + held + struct.pack(">I", zlib.crc32(name.encode() + held))
-        for name, held in chunks.items()
-    )
-    path.write_bytes(data[:33] + added + data[33:])
-    return path
-
-
 def chrm(primaries: Any, white: Any = D65) -> bytes:
     return struct.pack(">8I", *(round(100000 * value) for value in (*white, *np.ravel(primaries))))
-
-
-def iccp(icc: bytes) -> bytes:
-    return b"profile\0\0" + zlib.compress(icc)
 
 
 def gama(gamma: float) -> bytes:
@@ -82,7 +66,7 @@ def check(scene: Scene, light: Any = LIGHT, tolerance: float = 1e-3) -> None:
     np.testing.assert_allclose(scene.rgb @ np.transpose(scene.camera_to_xyz), light @ np.transpose(SRGB_TO_XYZ), atol=tolerance)
 
 
-SRGB_16 = codes(srgb(LIGHT))
+SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
 
 
 @pytest.mark.parametrize(
@@ -101,7 +85,7 @@ SRGB_16 = codes(srgb(LIGHT))
         (SRGB_16, {"sRGB": b"\0", "gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
         (SRGB_16, {"gAMA": gama(0.45455), "cHRM": chrm(SRGB_PRIMARIES)}, 0),
         (SRGB_16, {"gAMA": gama(0.45455)}, 0),
-        (codes(in_space(ADOBE) ** (256 / 563)), {"gAMA": gama(256 / 563), "cHRM": chrm(ADOBE)}, 0),
+        (ADOBE_16, {"gAMA": gama(256 / 563), "cHRM": chrm(ADOBE)}, 0),
         (codes(in_space(ADOBE)), {"gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
         (codes(srgb(in_space(ADOBE)), np.uint8), {"cHRM": chrm(ADOBE)}, 0),
         # what is not read is said, and the next counts
@@ -117,7 +101,7 @@ SRGB_16 = codes(srgb(LIGHT))
     ids=lambda value: "+".join(value) if isinstance(value, dict) else "",
 )
 def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], notes: int) -> None:
-    scene = load_scene(str(png(tmp_path / "a.png", samples, **chunks)))
+    scene = load_scene(png(tmp_path / "a.png", samples, **chunks))
     bright = 10 if chunks.get("cICP") == b"\x01\x10\0\1" else 1
     check(scene, bright * LIGHT, 4e-3 if samples.dtype == np.uint8 else 1e-3)
     assert len(scene.notes) == notes
@@ -153,20 +137,22 @@ ADOBE_CODES, SRGB_CODES = in_space(ADOBE, BLOCKS) ** (256 / 563), srgb(BLOCKS)
 
 
 @pytest.mark.parametrize(
-    ("encoded", "options", "notes"),
+    ("encoded", "stated", "icc", "notes"),
     [
-        (ADOBE_CODES, {"exif": exif(65535, "R03")}, 0),
-        (ADOBE_CODES, {"exif": exif(None, "R03")}, 0),
-        (ADOBE_CODES, {"exif": exif(2)}, 0),
-        (SRGB_CODES, {"exif": exif(1, "R98")}, 0),
-        (SRGB_CODES, {"exif": exif(65535, "R98")}, 0),
-        (SRGB_CODES, {"exif": exif(65535)}, 1),
-        (SRGB_CODES, {"exif": exif(65535, "R03"), "icc_profile": SRGB_PROFILE}, 0),
-        (SRGB_CODES, {"exif": exif(None)}, 0),
+        (ADOBE_CODES, (65535, "R03"), None, 0),
+        (ADOBE_CODES, (None, "R03"), None, 0),
+        (ADOBE_CODES, (2, ""), None, 0),
+        (SRGB_CODES, (1, "R98"), None, 0),
+        (SRGB_CODES, (65535, "R98"), None, 0),
+        (SRGB_CODES, (65535, ""), None, 1),
+        (SRGB_CODES, (65535, "R03"), SRGB_PROFILE, 0),
+        (SRGB_CODES, (None, ""), None, 0),
     ],
 )
-def test_exif_tells_adobe_rgb_unless_a_profile_does(tmp_path: Path, encoded: Any, options: dict[str, Any], notes: int) -> None:
-    scene = load_scene(str(jpeg(tmp_path / "a.jpg", encoded, **options)))
+def test_exif_tells_adobe_rgb_unless_a_profile_does(
+    tmp_path: Path, encoded: Any, stated: tuple[int | None, str], icc: bytes | None, notes: int
+) -> None:
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", encoded, exif=exif(*stated), icc_profile=icc)))
     check(scene, BLOCKS, 0.01)
     assert len(scene.notes) == notes
     assert scene.metadata.taken is not None
@@ -183,28 +169,26 @@ def test_a_profile_in_parts_is_joined_whatever_bytes_it_holds(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("segment", "words"),
+    ("content", "words"),
     [
-        ((0xE2, b"MPF\0II*\0"), "further pictures"),
-        ((0xE2, b"urn:iso:std:iso:ts:21496:-1\0\0\0"), "gain map"),
-        ((0xE1, b'http://ns.adobe.com/xap/1.0/\0<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>'), "gain map"),
+        (b"MPF\0II*\0", "further pictures"),
+        (b"urn:iso:std:iso:ts:21496:-1\0\0\0", "gain map"),
+        (b'<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>', "gain map"),
     ],
 )
-def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(tmp_path: Path, segment: tuple[int, bytes], words: str) -> None:
-    scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, segment, (0xE2, b"MPF\0MM"))))
+def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(tmp_path: Path, content: bytes, words: str) -> None:
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content), (0xE2, b"MPF\0MM"))))
     check(scene, BLOCKS, 0.01)
-    assert len(scene.notes) == 1
-    assert words in scene.notes[0]
+    (note,) = scene.notes
+    assert words in note
 
 
 # --- TIFF ------------------------------------------------------------------------------------------------------------------------
 
 
-def rational(values: Any) -> tuple[int, ...]:
-    return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
-
-
-PRIMARIES, WHITE = (319, 5, 6, rational(ADOBE), True), (318, 5, 2, rational(D65), True)
+PRIMARIES, WHITE = (319, 5, 6, rationals(ADOBE), True), (318, 5, 2, rationals(D65), True)
+NO_PRIMARIES = (319, 5, 6, rationals([(0.3, 0.3)] * 3), True)
+UNUSED = [(532, 5, 6, rationals([1, 6] * 3), True), (291, 3, 4, (0, 1, 2, 3), True)]
 
 
 def transfer(bits: int, tables: int) -> Any:
@@ -215,15 +199,15 @@ def transfer(bits: int, tables: int) -> Any:
 @pytest.mark.parametrize(
     ("samples", "tags", "icc", "notes"),
     [
-        (codes(in_space(ADOBE) ** (256 / 563)), [transfer(16, 1), PRIMARIES, WHITE], None, 0),
-        (codes(in_space(ADOBE) ** (256 / 563)), [transfer(16, 3), PRIMARIES], None, 0),
-        (codes(in_space(ADOBE) ** (256 / 563), np.uint8), [transfer(8, 3), PRIMARIES, WHITE], None, 0),
+        (ADOBE_16, [transfer(16, 1), PRIMARIES, WHITE], None, 0),
+        (ADOBE_16, [transfer(16, 3), PRIMARIES], None, 0),
+        ((ADOBE_16 >> 8).astype(np.uint8), [transfer(8, 3), PRIMARIES, WHITE], None, 0),
         (codes(in_space(ADOBE)), [PRIMARIES, WHITE], None, 1),
         (in_space(ADOBE).astype(np.float32), [PRIMARIES, WHITE], None, 0),
         (SRGB_16, [transfer(16, 1), PRIMARIES, WHITE], SRGB_PROFILE, 0),
-        (codes(LIGHT), [(319, 5, 6, rational([(0.3, 0.3)] * 3), True)], LINEAR_PROFILE, 0),
-        (codes(LIGHT), [(319, 5, 6, rational([(0.3, 0.3)] * 3), True)], None, 2),
-        (codes(LIGHT), [(532, 5, 6, rational([1, 6] * 3), True), (291, 3, 4, (0, 1, 2, 3), True)], None, 2),
+        (codes(LIGHT), [NO_PRIMARIES], LINEAR_PROFILE, 0),
+        (codes(LIGHT), [NO_PRIMARIES], None, 2),
+        (codes(LIGHT), UNUSED, None, 2),
     ],
 )
 def test_fields_of_tiff(tmp_path: Path, samples: Any, tags: list[Any], icc: bytes | None, notes: int) -> None:

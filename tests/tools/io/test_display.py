@@ -1,5 +1,7 @@
 """Colour: white stays white, the matrix gives back the colours of the scene, the curve is the standard's."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from panchroma.shared.calibration import SensorCalibration
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import decode_srgb, encode_srgb
 from panchroma.tools.io.display import MAX_EXPOSURE, SPACES, ColourTransform
+from tests.tools.io.examples import FOUR
 
 ROUNDING = 1e-6
 """Of a float32 in 0..1 through a 3 x 3 matrix and the curve."""
@@ -19,22 +22,10 @@ NEUTRAL = (0.48, 1.0, 0.65)
 CAMERA = SensorCalibration(
     neutral=NEUTRAL, camera_to_xyz=tuple(tuple(value / n for value, n in zip(row, NEUTRAL, strict=True)) for row in MATRIX)
 )
-FOUR = SensorCalibration(
-    channels="RGBE",
-    neutral=(0.5, 1.0, 0.6, 0.9),
-    camera_to_xyz=((0.9, 0.2, 0.1, 0.1), (0.4, 0.6, -0.1, 0.1), (0.0, -0.1, 1.0, 0.2)),
-)
-
-
-def picture(*pixels: tuple[float, ...]) -> FloatArray:
-    return np.array([pixels], np.float32)
 
 
 def random_picture(shape: tuple[int, ...], seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).random(shape, np.float32)
-
-
-# --- spaces -----------------------------------------------------------------------------------------------------------------------
 
 
 # --- white ------------------------------------------------------------------------------------------------------------------------
@@ -51,7 +42,7 @@ def test_neutral_readings_become_grey_and_keep_their_level(calibration: SensorCa
 
 
 def test_clipped_highlights_are_white_and_not_magenta() -> None:
-    shown = ColourTransform.to_space(CAMERA).apply(picture((1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)))
+    shown = ColourTransform.to_space(CAMERA).apply(np.array([[(1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)]], np.float32))
     np.testing.assert_allclose(shown, 1.0, atol=ROUNDING)
 
 
@@ -118,15 +109,15 @@ def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibra
 @pytest.mark.parametrize(
     ("calibration", "space", "message"),
     [
-        (SensorCalibration(), "cmyk", "unknown output space 'cmyk'"),
-        (SensorCalibration(channels="RGE"), "srgb", "no colour matrix for the channels RGE: calibrate"),
-        (SensorCalibration(camera_to_xyz=((-1, 0, 0), (0, -1, 0), (0, 0, -1)), neutral=(1, 1, 1)), "srgb", "no colour of light"),
-        (SensorCalibration(camera_to_xyz=((1, 0, 0), (0, 1, 0), (0, 0, -1))), "srgb", "no colour of light"),
+        ({}, "cmyk", "unknown output space 'cmyk'"),
+        ({"channels": "RGE"}, "srgb", "no colour matrix for the channels RGE: calibrate"),
+        ({"camera_to_xyz": ((-1, 0, 0), (0, -1, 0), (0, 0, -1))}, "srgb", "no colour of light"),
+        ({"camera_to_xyz": ((1, 0, 0), (0, 1, 0), (0, 0, -1))}, "srgb", "no colour of light"),
     ],
 )
-def test_what_has_no_colour_is_refused(calibration: SensorCalibration, space: str, message: str) -> None:
+def test_what_has_no_colour_is_refused(calibration: dict[str, Any], space: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        ColourTransform.to_space(calibration, space)
+        ColourTransform.to_space(SensorCalibration(**calibration), space)
 
 
 # --- curve ------------------------------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import struct
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,9 +34,8 @@ def developed(data: bytes) -> DoubleArray:
     """The middle of each patch in linear sRGB, 0..1, as LibRaw renders it with the white balance of the shot."""
     with rawpy.imread(BytesIO(data)) as raw:
         # LibRaw brightens pictures whose maximum is not quite white unless told not to.
-        linear = raw.postprocess(
-            gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16, user_flip=0
-        )
+        plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0, "user_flip": 0}
+        linear = raw.postprocess(use_camera_wb=True, output_bps=16, **plain)
     return linear[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] / 65535
 
 
@@ -43,8 +43,9 @@ def developed(data: bytes) -> DoubleArray:
 def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(shape: tuple[int, int]) -> None:
     rgb = np.random.default_rng(1).random((*shape, 3), np.float32)
     rgb[0, 0], rgb[0, 1] = (0.0, 1.0, 0.5), (-0.5, 2.0, 1e9)
+    codes = np.rint(rgb.clip(0, 1) * 65535).astype(np.uint16)
     with rawpy.imread(BytesIO(picture_dng(rgb))) as raw:
-        np.testing.assert_array_equal(raw.raw_image[..., :3], np.rint(rgb.clip(0, 1) * 65535).astype(np.uint16))
+        np.testing.assert_array_equal(raw.raw_image[..., :3], codes)
         assert raw.white_level == 65535
         assert raw.sizes.flip == 6  # LibRaw's word for orientation 6
 
@@ -80,4 +81,5 @@ def _entry(tag: int, value: int) -> bytes:
 
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
     (tmp_path / "picture.dng").write_bytes(picture_dng(np.full((9, 9, 3), 0.5, np.float32)))
-    assert exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path).decode().split() == ["OK"]
+    remarks = exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path)
+    assert remarks.decode().split() == ["OK"]

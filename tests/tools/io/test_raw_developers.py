@@ -31,14 +31,10 @@ def rawtherapee(source: Path, target: Path, home: Path) -> list[str | Path]:
 
 def darktable(source: Path, target: Path, home: Path) -> list[str | Path]:
     """Without workflow modules, with the white balance of the shot."""
-    settings = (
-        "plugins/darkroom/workflow=none",
-        "plugins/darkroom/chromatic-adaptation=legacy",
-        "plugins/imageio/format/tiff/bpp=16",
-    )
-    configuration = [word for setting in settings for word in ("--conf", setting)]
-    core: list[str | Path] = ["--core", "--library", ":memory:", "--configdir", home / "darktable", *configuration]
-    return ["darktable-cli", source, target, "--icc-type", "SRGB", *core]
+    settings = "darkroom/workflow=none darkroom/chromatic-adaptation=legacy imageio/format/tiff/bpp=16"
+    core = [word for setting in settings.split() for word in ("--conf", f"plugins/{setting}")]
+    start: list[str | Path] = ["darktable-cli", source, target, "--icc-type", "SRGB", "--core"]
+    return [*start, "--library", ":memory:", "--configdir", home / "darktable", *core]
 
 
 @pytest.fixture(scope="module", params=PHOTOGRAPHS)

@@ -6,10 +6,10 @@ clipped highlights at the white level and make them white.
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, NamedTuple
+from typing import BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ....shared.arrays import ByteArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
@@ -31,7 +31,7 @@ from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
 from ..display import checked_picture
 from ..samples import display_codes, joined, regrouped
-from .format import Format
+from .format import Bands, Format
 
 PART = DIGEST_TILE
 """Rows of a part of a picture."""
@@ -70,11 +70,11 @@ class LinearDng(Format):
         parts = _MEMORY_OF_PART * min(PART * (threads + WAITING + 1), shape[0]) * shape[1]
         return super().memory(shape, channels, rendering, threads) + parts
 
-    def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
+    def write(self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path) -> None:
         """See `Format`; raw developers turn it."""
         self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`. What is saturated, and not restored, gets the white level in every channel."""
         shown, shape, parts = development.shown, development.shape, list[EncodedPart]()
 

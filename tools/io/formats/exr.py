@@ -1,7 +1,7 @@
 """OpenEXR, with the capture data as standard optional attributes."""
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -15,7 +15,7 @@ from ....shared.errors import OutputError
 from ..development import CAMERA, Development
 from ..display import SPACES
 from ..embedded import software
-from .format import Format
+from .format import Bands, Format
 
 
 class OpenExr(Format):
@@ -29,7 +29,7 @@ class OpenExr(Format):
         """See `Format`."""
         return np.float32
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         (pixels,) = bands
         kind, channels = development.kind, development.channels

@@ -16,6 +16,9 @@ from ..development import CAMERA, Development
 from ..display import checked_picture
 from ..samples import display_codes, joined, turned, upright
 
+Bands = Iterable[NDArray[Any]]
+"""Rows of a picture, (rows, W, any), from top to bottom: of a rendering, or of samples."""
+
 _RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time
 
 
@@ -86,7 +89,7 @@ class Format(ABC):
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
 
-    def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
+    def write(self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path) -> None:
         """Write a file. The bands are taken in this thread; others convert, compress and write those that have arrived.
 
         file: empty and seekable.
@@ -103,5 +106,5 @@ class Format(ABC):
             self.encode(file, [whole if turn == 1 else upright(whole, turn).copy()], development, threads)
 
     @abstractmethod
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands` in one piece."""

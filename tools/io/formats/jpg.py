@@ -1,7 +1,6 @@
 """JPEG with full-resolution colour, capture data and colour profile."""
 
 import struct
-from collections.abc import Iterable
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
@@ -15,12 +14,12 @@ from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..embedded import jpeg_directory
 from ..samples import joined
-from .format import Format
+from .format import Bands, Format
 
 JFIF_ENDS = 20
 """Bytes of a JPEG's signature and its first segment."""
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a segment
-_QUALITIES, _QUALITY = range(1, 101), 95  # that can be asked for, and that of a JPEG if none is
+_QUALITY = 95  # if none is asked for
 
 
 class Jpeg(Format):
@@ -33,11 +32,10 @@ class Jpeg(Format):
     longest_side = LONGEST_SIDE
     memory_per_pixel = 6.0  # of noise; pictures take three quarters of that
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
-        level = jpeg_level(development.kind.quality)
-        codes = joined(bands, development.written_shape[0])
-        file.write(baseline_jpeg(codes, level, development_segments(development)))
+        codes, quality = joined(bands, development.written_shape[0]), check_quality(development.kind.quality)
+        file.write(baseline_jpeg(codes, quality, development_segments(development)))
 
 
 def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None) -> bytes:
@@ -49,8 +47,8 @@ def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = 
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
     """
-    level, segments = jpeg_level(quality), jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
-    return baseline_jpeg(codes, level, segments)
+    segments = jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
+    return baseline_jpeg(codes, check_quality(quality), segments)
 
 
 def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
@@ -59,16 +57,13 @@ def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
     return data[:JFIF_ENDS] + segments + data[JFIF_ENDS:]
 
 
-def check_quality(quality: int | None) -> None:
-    """Raise InputError unless this is a quality, 1 to 100, or None for the usual one."""
-    if quality is not None and quality not in _QUALITIES:
-        raise InputError(f"the quality is {quality}, expected {_QUALITIES[0]} to {_QUALITIES[-1]}")
-
-
-def jpeg_level(quality: int | None) -> int:
-    """The quality of a JPEG, None for the usual one, as a number. Raises InputError unless it is 1 to 100."""
-    check_quality(quality)
-    return _QUALITY if quality is None else quality
+def check_quality(quality: int | None) -> int:
+    """Return the quality of a JPEG, None for the usual one, as a number. Raises InputError unless it is 1 to 100."""
+    if quality is None:
+        return _QUALITY
+    if not 1 <= quality <= 100:
+        raise InputError(f"the quality is {quality}, expected 1 to 100")
+    return quality
 
 
 def development_segments(development: Development) -> bytes:

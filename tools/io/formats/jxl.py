@@ -1,16 +1,14 @@
 """JPEG XL files (ISO/IEC 18181), in the two spaces that the codec labels: sRGB of 8 bits, and linear light in floating point."""
 
 import struct
-from collections.abc import Iterable
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
 import numpy as np
-from numpy.typing import NDArray
 
 from ....shared.tiff import encode_tiff
 from ..development import Development
-from .format import Format
+from .format import Bands, Format
 
 LOSSLESS = 100
 """The quality of a JPEG XL without loss."""
@@ -36,7 +34,7 @@ class JpegXl(Format):
             return ""
         return "the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U imagecodecs), or use tif"
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         (samples,), quality = bands, development.kind.quality
         samples = np.ascontiguousarray(samples)

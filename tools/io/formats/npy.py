@@ -1,13 +1,11 @@
 """NumPy's own files: the samples, and nothing else."""
 
-from collections.abc import Iterable
-from typing import Any, BinaryIO, ClassVar
+from typing import BinaryIO, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..development import CAMERA, Development
-from .format import Format
+from .format import Bands, Format
 
 
 class NumPy(Format):
@@ -17,7 +15,7 @@ class NumPy(Format):
     spaces: ClassVar = {CAMERA: (32,), "srgb": (32,), "display-p3": (32,), "linear-srgb": (32,)}
     memory_per_pixel = 28.0
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         (pixels,) = bands
         np.save(file, np.ascontiguousarray(pixels), allow_pickle=False)

@@ -2,7 +2,6 @@
 
 import struct
 import zlib
-from collections.abc import Iterable
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
@@ -13,7 +12,7 @@ from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..display import SPACES
 from ..icc import icc_profile
-from .format import Format
+from .format import Bands, Format
 
 _START = 8 + 25  # signature and IHDR
 
@@ -25,7 +24,7 @@ class Png(Format):
     spaces: ClassVar = {"srgb": (8, 16), "display-p3": (8, 16)}
     memory_per_pixel = 36.0
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         (codes,) = bands
         file.write(encode_png(codes, development.kind.space, encode_tiff(development.directory)))

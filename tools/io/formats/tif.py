@@ -4,7 +4,6 @@
 better; Deflate came later.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, BinaryIO, ClassVar
 
@@ -18,7 +17,7 @@ from ....shared.tiff import Fields, FieldType, write_tiff
 from ..ahead import ahead
 from ..development import CAMERA, Development
 from ..samples import regrouped
-from .format import Format
+from .format import Bands, Format
 
 _STRIP_ROWS = 64
 
@@ -34,7 +33,7 @@ class Tiff(Format):
     spaces: ClassVar = {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)}
     in_bands = True  # the bands that wait take less than the planes of the frame that are no longer needed then
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
         bits = development.kind.bits
         directory = development.directory

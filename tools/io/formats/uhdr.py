@@ -14,7 +14,6 @@ picture, or a burnt-out lamp that the picture shows white would be magenta in HD
 """
 
 import struct
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import log2
 from typing import Any, BinaryIO, ClassVar
@@ -27,8 +26,8 @@ from ....shared.dng.tags import LONGEST_SIDE
 from ..development import Development
 from ..display import ColourTransform
 from ..samples import joined
-from .format import Format
-from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, development_segments, jpeg_level, segment
+from .format import Bands, Format
+from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
 
 OFFSET = 1 / 64
 """What is added to both pictures before their ratio is taken: the gain of black stays finite."""
@@ -95,18 +94,14 @@ class GainMap:
             if not clipped.any():
                 continue
             light, most = part[clipped][None], white * np.float32(self.headroom)
-            seen = self._luminance(self._shown_light(light)[0].clip(0, 1))
-            whole = self._luminance(linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None))
-            gains = np.log2((whole + np.float32(OFFSET)) / (seen + np.float32(OFFSET)))
+            shown = np.empty((*light.shape[:2], 3), np.float32)
+            for _, channel, plane in self.shown.planes(light, self.exposure, encoded=False):
+                shown[..., channel] = plane
+            of_picture = self._luminance(shown[0].clip(0, 1))
+            of_light = self._luminance(linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None))
+            gains = np.log2((of_light + np.float32(OFFSET)) / (of_picture + np.float32(OFFSET)))
             result[rows][clipped] = np.rint(gains * np.float32(_TOP / self.highest)).clip(0, _TOP)
         return result
-
-    def _shown_light(self, rgb: FloatArray) -> FloatArray:
-        """The light of the picture, before its curve, (H, W, 3)."""
-        light = np.empty((*rgb.shape[:2], 3), np.float32)
-        for rows, channel, plane in self.shown.planes(rgb, self.exposure, encoded=False):
-            light[rows, :, channel] = plane
-        return light
 
     def _luminance(self, light: FloatArray) -> FloatArray:
         red, green, blue = self.shown.space.to_xyz[1].astype(np.float32)
@@ -133,27 +128,22 @@ class UltraHdr(Format):
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
         """See `Format`."""
         codes = super().samples(rgb, development)
-        return np.dstack([codes, _gains(development).codes(rgb, codes)])
+        return np.dstack([codes, GainMap(development.shown, development.exposure).codes(rgb, codes)])
 
-    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+    def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """See `Format`."""
-        level, segments, gains = jpeg_level(development.kind.quality), development_segments(development), _gains(development)
-
+        quality, segments = check_quality(development.kind.quality), development_segments(development)
+        gains = GainMap(development.shown, development.exposure)
         # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
         capacity = gains.capacity(int(samples[..., 3].max()))
         described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
         gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
-        base = baseline_jpeg(samples[..., :3].copy(), level, segments)
+        base = baseline_jpeg(samples[..., :3].copy(), quality, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
         inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), JFIF_ENDS + len(segments)
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
         file.write(b"".join((base[:place], inserted, sizes, base[place:], gain_map)))
-
-
-def _gains(development: Development) -> GainMap:
-    """What the codes of the gains mean."""
-    return GainMap(development.shown, development.exposure)
 
 
 def _xmp(gains: GainMap, capacity: float) -> bytes:
