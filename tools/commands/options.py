@@ -131,7 +131,7 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
-    for each in PROTOCOLS.values():
+    for each in PROTOCOLS:
         settings: dict[str, Any] = {"metavar": each.metavar, "type": factor, "help": each.help}
         parser.add_argument(f"--{each.option}", **settings | changed)
 
@@ -152,7 +152,7 @@ def pixel_limit() -> int:
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     """The kind of noise, and its level or levels, None without. Raises InputError for --sigma together with --light."""
-    return chosen_protocol(None, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
+    return chosen_protocol({each.option: getattr(arguments, each.option) for each in PROTOCOLS})
 
 
 def camera_of(arguments: argparse.Namespace, stated: CfaPattern | None = None) -> tuple[Camera | None, CfaPattern]:
