@@ -8,10 +8,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from tests.faults import surroundings, trials
+from tests.faults import trials
 from tests.faults.__main__ import ONCE, TRIALS, Trial
-from tests.faults.scenario import Scenario, known, replacing
-from tests.faults.worlds import scene
+from tests.faults.scenario import Scenario, known, replacing, scene
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +30,7 @@ def test_an_interruption_at_a_step_with_files_loses_nothing(
 
 
 @pytest.mark.parametrize(
-    ("what", "trial"), [*TRIALS, *ONCE, ("Ctrl-C", partial(surroundings.ctrl_c, chance=random.Random(0), seconds=0.5))]
+    ("what", "trial"), [*TRIALS, *ONCE, ("Ctrl-C", partial(trials.ctrl_c, chance=random.Random(0), seconds=0.5))]
 )
 def test_hostile_surroundings_lose_nothing_and_show_nothing(scenario: Scenario, tmp_path: Path, what: str, trial: Trial) -> None:
     assert trial(replacing(scenario) if what == "disk full" else scenario, tmp_path / "world") == []

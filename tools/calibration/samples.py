@@ -111,8 +111,15 @@ def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
-    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
-    for (top, bottom), (left, right) in product(rows, columns):
+    yield from windows(planes.shape, (number, number))
+
+
+def windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
+    """Yield the windows that cut a frame into rows and columns of them; numbers: of windows along each axis."""
+    cuts = (
+        np.unique(np.linspace(0, length, number + 1).astype(int)).tolist() for length, number in zip(shape, numbers, strict=True)
+    )
+    for (top, bottom), (left, right) in product(*map(pairwise, cuts)):
         yield slice(top, bottom), slice(left, right)
 
 

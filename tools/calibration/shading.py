@@ -10,7 +10,6 @@ that its map has fewer control points.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...shared import CfaPattern, Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
-from .samples import CLIPPED, levels_of, robust_deviation
+from .samples import CLIPPED, levels_of, robust_deviation, windows
 
 # Periods along a side of a tile, at least, and tiles along an axis.
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
@@ -201,15 +200,12 @@ def _check_alike(parts: dict[str, DoubleArray]) -> None:
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
     """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is known."""
     shape = light.shape[0], light.shape[1]
-    planes, cuts = pattern.filter_map(shape), []
-    for length in shape:
-        number = min(length // (_TILE * pattern.period), _MOST_TILES)
-        cuts.append(list(pairwise(np.linspace(0, length, number + 1).astype(int).tolist())))
-    windows = [(slice(*rows), slice(*columns)) for rows, columns in product(*cuts)]
-    found = np.zeros((5, len(shading.gain), len(windows)))
+    planes = pattern.filter_map(shape)
+    down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
+    measured = np.zeros((5, len(shading.gain), down * right))
     for plane in range(len(shading.gain)):
         gain = shading.of_plane(shape, plane)
-        for number, window in enumerate(windows):
+        for number, window in enumerate(windows(shape, (down, right))):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             deviation = np.abs(values - np.median(values))
@@ -221,8 +217,8 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = float(gain[window][rows, columns].mean())
-            found[:, plane, number] = *middle, undone, mean, error
-    return _Tiles((len(cuts[0]), len(cuts[1])), *found)
+            measured[:, plane, number] = *middle, undone, mean, error
+    return _Tiles((down, right), *measured)
 
 
 def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
