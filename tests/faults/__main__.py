@@ -16,25 +16,24 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from tests.faults import surroundings, trials
-from tests.faults.scenario import Scenario
-from tests.faults.worlds import worlds
+from tests.faults import trials
+from tests.faults.scenario import Scenario, worlds
 
 Trial = Callable[[Scenario, Path], list[str]]
 ONCE: list[tuple[str, Trial]] = [
     ("two processes, one folder", trials.two_at_once),
-    ("no place for caches", surroundings.no_place),
+    ("no place for caches", trials.no_place),
 ]
 """Name and trial of what is tried without older results alone."""
 TRIALS: list[tuple[str, Trial]] = [
-    ("odd names", partial(surroundings.odd_names, environment={})),
-    ("odd names, no locale", partial(surroundings.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"})),
-    ("nothing left in the home", surroundings.empty_home),
+    ("odd names", partial(trials.odd_names, environment={})),
+    ("odd names, no locale", partial(trials.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"})),
+    ("nothing left in the home", trials.empty_home),
     *(("disk full", partial(trials.full_disk, pages=pages)) for pages in (1, 5)),
     ("limit on file size", partial(trials.file_limit, size=2000)),
     ("read-only folder", trials.read_only),
 ]
-"""Of all other surroundings."""
+"""Of all other trials."""
 _SECONDS = 4.0  # a command takes no longer, even on a busy machine
 
 
@@ -46,7 +45,7 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
         "kill -9": (partial(trials.interrupted, number=signal.SIGKILL), kills, scenarios),
         "SIGINT": (partial(trials.interrupted, number=signal.SIGINT), few, known),
         "SIGTERM": (partial(trials.interrupted, number=signal.SIGTERM), few, known),
-        "Ctrl-C for all processes": (surroundings.ctrl_c, few, known),
+        "Ctrl-C for all processes": (trials.ctrl_c, few, known),
         "a worker is killed": (trials.killed_worker, few, [each for each in known if each.name == "render"]),
     }
     found: list[tuple[str, Scenario, Trial]] = [

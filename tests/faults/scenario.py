@@ -1,4 +1,7 @@
-"""One command in a folder of its own, whose results are known; and what may be in the folder after an interruption."""
+"""One command in a folder of its own, whose results are known; and what may be in the folder after an interruption.
+
+`worlds` returns each command on a few small files, so that it writes often.
+"""
 
 import hashlib
 import os
@@ -6,11 +9,20 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
+from panchroma.shared import CfaPattern
+from panchroma.shared.dng import encode_dng
 from panchroma.tools.batch.journal import NAME as JOURNAL
 from tests.data import ROOT
+from tests.device.packer import pack, random_codes
+from tests.shared.dng.examples import mosaic, preview
+
+_FRAMES = 6
 
 _PROGRAM = "from panchroma.tools.cli import main; main()"
 # Counts the program's operations on files below a folder, and kills it before the N-th: wherever a file may be incomplete.
@@ -137,3 +149,33 @@ def replacing(scenario: Scenario) -> Scenario:
     """The scenario in which older results exist and --overwrite replaces them."""
     before = {name: f"an older {name}".encode() for name in scenario.outputs}
     return replace(scenario, name=f"{scenario.name} --overwrite", arguments=(*scenario.arguments, "--overwrite"), before=before)
+
+
+def worlds(folder: Path) -> list[Scenario]:
+    """simulate, render and capture; the first two also over older results. folder: for an undisturbed run of each."""
+    return [*pictures(folder), capture()]
+
+
+def pictures(folder: Path) -> list[Scenario]:
+    """simulate and render, with and without older results."""
+    pattern = CfaPattern.bayer(6)
+    shots = {f"shot{each}.dng": encode_dng(mosaic(pattern, (60, 80 + each)), preview(24, 32)) for each in range(4)}
+    scenes = {f"scene{number}.npy": scene(number) for number in range(4)}
+    # Without noise, which would depend on the names of the shots.
+    simulate = known("simulate", ["simulate", *scenes, "-o", "out", "--truth"], scenes, folder / "simulate")
+    render = known("render", ["render", *shots, "-o", "out"], shots, folder / "render")
+    return [simulate, replacing(simulate), render, replacing(render)]
+
+
+def capture() -> Scenario:
+    """capture of a recording. Results are named after the time, so that only their completeness can be checked."""
+    frames = b"".join(pack(random_codes((24, 32), 10, seed), "raw10") for seed in range(_FRAMES))
+    layout = ["--size", "32x24", "--pixel-format", "raw10"]
+    return Scenario("capture", ("capture", "-", "-o", "out", *layout), {}, {}, {}, frames)
+
+
+def scene(number: int) -> bytes:
+    """A linear picture, as a file in NPY format."""
+    file = BytesIO()
+    np.save(file, np.random.default_rng(number).random((60, 80, 3)).astype(np.float32))
+    return file.getvalue()

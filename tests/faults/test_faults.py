@@ -1,18 +1,16 @@
-"""A few trials of each kind, and the trials seen to notice what they are for."""
+"""A few trials of each kind."""
 
 import random
 import signal
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
 
-from tests.faults import surroundings, trials
+from tests.faults import trials
 from tests.faults.__main__ import ONCE, TRIALS, Trial
-from tests.faults.scenario import Scenario, known, replacing
-from tests.faults.worlds import scene
+from tests.faults.scenario import Scenario, known, replacing, scene
 
 
 @pytest.fixture(scope="module")
@@ -32,29 +30,7 @@ def test_an_interruption_at_a_step_with_files_loses_nothing(
 
 
 @pytest.mark.parametrize(
-    ("what", "trial"), [*TRIALS, *ONCE, ("Ctrl-C", partial(surroundings.ctrl_c, chance=random.Random(0), seconds=0.5))]
+    ("what", "trial"), [*TRIALS, *ONCE, ("Ctrl-C", partial(trials.ctrl_c, chance=random.Random(0), seconds=0.5))]
 )
 def test_hostile_surroundings_lose_nothing_and_show_nothing(scenario: Scenario, tmp_path: Path, what: str, trial: Trial) -> None:
     assert trial(replacing(scenario) if what == "disk full" else scenario, tmp_path / "world") == []
-
-
-def test_the_trials_notice(scenario: Scenario, tmp_path: Path) -> None:
-    folder = tmp_path / "world"
-    older = replacing(scenario)
-    older.lay_out(folder)
-    assert older.faults(folder, finished=False) == []
-    assert len(older.faults(folder, finished=True)) == len(older.outputs) == 3
-    (folder / "out" / "scene.dng").write_bytes(b"half")
-    (folder / "out" / "scene.truth.tif").unlink()
-    (folder / "out" / ".x.12345678.panchroma.part").touch()
-    (folder / "out" / "stranger").touch()
-    (folder / "scene.npy").write_bytes(b"changed")
-    assert sorted(older.faults(folder, finished=False)) == [
-        "scene.dng is neither old nor new (4 bytes)",
-        "scene.npy was changed",
-        "scene.truth.tif is missing",
-        "stranger was left behind",
-    ]
-    assert ".x.12345678.panchroma.part was left behind" in older.faults(folder, finished=True)
-    other = replace(scenario, outputs={**scenario.outputs, "more.dng": ""})
-    assert "more.dng is missing" in trials.two_at_once(other, tmp_path / "other")

@@ -1,4 +1,4 @@
-"""Trials of commands: killed, stopped, on a full or read-only disk, two at once. Each returns what it found wrong, a line each."""
+"""Trials of commands: killed, stopped, on a full disk, two at once, with odd names. Each returns what is wrong, a line each."""
 
 import os
 import random
@@ -8,8 +8,9 @@ import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from panchroma.shared.dng import verify_dng
@@ -21,6 +22,8 @@ ENDS = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (1
 PATIENCE = 1800.0  # seconds: without a place for kernels every process compiles them all
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
+_ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
+_NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
 
 
 def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Random, seconds: float) -> list[str]:
@@ -167,3 +170,42 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
         process.communicate(timeout=PATIENCE)
     found = state(scenario, folder, finished=True)
     return found + [f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)]
+
+
+def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> list[str]:
+    """Names with escape sequences, line breaks and bytes that are no text, in a locale."""
+    odd = replace(
+        scenario,
+        arguments=tuple(_ODD + word if word in scenario.inputs else word for word in scenario.arguments),
+        inputs={_ODD + name: data for name, data in scenario.inputs.items()},
+        outputs={_ODD + name: digest for name, digest in scenario.outputs.items()},
+        before={_ODD + name: data for name, data in scenario.before.items()},
+    )
+    odd.lay_out(folder)
+    return ended(odd.start(folder, environment=environment), "", 0) + state(odd, folder, finished=True)
+
+
+def no_place(scenario: Scenario, folder: Path) -> list[str]:
+    """No home, and no folder for caches or temporary files."""
+    scenario.lay_out(folder)
+    nowhere = dict.fromkeys(("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME"), _NOWHERE)
+    nowhere["NUMBA_CACHE_LOCATOR_CLASSES"] = "UserProvidedCacheLocator"
+    return ended(scenario.start(folder, environment=nowhere), "", 0) + state(scenario, folder, finished=True)
+
+
+def empty_home(scenario: Scenario, folder: Path) -> list[str]:
+    """Nothing is left in the user's home."""
+    scenario.lay_out(folder)
+    (home := folder / "home").mkdir()
+    found = ended(scenario.start(folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}), "", 0)
+    return found + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
+
+
+def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
+    """SIGINT for all processes of the command, as a terminal sends it, while worker processes start too."""
+    scenario.lay_out(folder)
+    process = scenario.start(folder, extra=("--jobs", "4") if scenario.arguments[0] == "render" else (), group=True)
+    time.sleep(chance.uniform(0.1, seconds))
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGINT)
+    return ended(process, "", *ENDS[signal.SIGINT]) + state(scenario, folder, finished=False)

@@ -13,8 +13,7 @@ Outcomes:
 import sys
 from pathlib import Path
 
-from tests.fuzz.campaign import run
-from tests.fuzz.child import case
+from tests.fuzz.campaign import case, run
 from tests.fuzz.corpus import corpus
 from tests.fuzz.sweep import numbers, options
 

@@ -1,27 +1,31 @@
-"""Read many damaged files in child processes whose time, memory and survival are watched."""
+"""Read many damaged files in worker processes, so that a file that crashes, hangs or swells one ends nothing else."""
 
-import json
-import select
-import subprocess
-import sys
+import multiprocessing
+import os
+import resource
+import tempfile
 import time
+import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any
 
-from tests.data import ROOT
-from tests.fuzz.child import FAULT, case
-from tests.fuzz.corpus import corpus
+import numpy as np
+from pebble import ProcessExpired, ProcessPool
+
+from panchroma.shared.errors import InputError
+from tests.fuzz.corpus import Sample, corpus
+from tests.fuzz.mutations import mutated
 from tests.fuzz.sweep import table
 
-CHILD = [sys.executable, "-m", "tests.fuzz.child"]
+SAME, ALTERED, REFUSED, FAULT = "same", "altered", "refused", "FAULT"
 LIMIT_SECONDS = 10.0
 LIMIT_BYTES = 300 * 2**20  # beyond the memory of the program and its libraries
-_LOOK = 0.02  # seconds between two checks of a child's memory
-_START_SECONDS = 120.0
+_SPARE = 4 << 30  # bytes beyond that memory which a worker may ask for: the machine must survive
+Outcome = tuple[str, str]
+"""One of the four above, and the reason."""
 
 
 @dataclass
@@ -39,15 +43,6 @@ class Campaign:
     seconds: float = 0.0
     bytes: int = 0
 
-    def add(self, kind: str, number: int, found: dict[str, Any], beyond: int) -> None:
-        outcome = found["outcome"]
-        self.seconds, self.bytes = max(self.seconds, found["seconds"]), max(self.bytes, beyond)
-        if beyond > LIMIT_BYTES:
-            outcome, found["why"] = FAULT, f"took {beyond >> 20} MB"
-        self.counts[kind, outcome] += 1
-        if outcome == FAULT:
-            self.faults[number] = found["why"]
-
     def table(self) -> str:
         """The counts, and the extremes, as lines of text."""
         most = f"slowest {self.seconds:.2f} s, most memory beyond the program's own {self.bytes >> 20} MB"
@@ -56,71 +51,86 @@ class Campaign:
 
 def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:
     """Read the files with these numbers, `jobs` at a time. Files that cause faults are kept in the folder `keep`."""
-    campaign = Campaign()
-    samples = corpus()
-    shares = [numbers[start::jobs] for start in range(jobs)]
-    with ThreadPoolExecutor(jobs) as pool:
-        for outcomes in pool.map(lambda share: list(_read(seed, share)), shares):
-            for number, found, beyond in outcomes:
-                campaign.add(samples[number % len(samples)].kind, number, found, beyond)
-    for number in campaign.faults if keep else ():
-        sample, data = case(samples, seed, number)
-        (keep / f"fault-{seed}-{number}{sample.suffix}").write_bytes(data)
+    campaign, samples = Campaign(), corpus()
+    with ProcessPool(jobs, initializer=_prepare, context=multiprocessing.get_context("spawn")) as pool:
+        readings = {number: pool.schedule(_read, args=[seed, number], timeout=LIMIT_SECONDS) for number in numbers}
+        for number, reading in readings.items():
+            sample, data = case(samples, seed, number)
+            try:
+                (outcome, why), seconds, size = reading.result()
+            except TimeoutError:
+                outcome, why, seconds, size = FAULT, f"did not end within {LIMIT_SECONDS:g} s", LIMIT_SECONDS, 0
+            except ProcessExpired as error:
+                outcome, why, seconds, size = FAULT, f"the process that read it ended with {error.exitcode}", 0.0, 0
+            if size > LIMIT_BYTES:
+                outcome, why = FAULT, f"took {size >> 20} MB"
+            campaign.counts[sample.kind, outcome] += 1
+            campaign.seconds, campaign.bytes = max(campaign.seconds, seconds), max(campaign.bytes, size)
+            if outcome == FAULT:
+                campaign.faults[number] = why
+                if keep:
+                    (keep / f"fault-{seed}-{number}{sample.suffix}").write_bytes(data)
     return campaign
 
 
-def _read(seed: int, numbers: Sequence[int]) -> Iterator[tuple[int, dict[str, Any], int]]:
-    """Yield (number, outcome, bytes beyond the program's own) for each file. A child that does not answer is replaced."""
-    child = _Child()
-    for number in numbers:
-        found, beyond = child.ask(seed, number)
-        yield number, found, beyond
-        if not child.usable or beyond > LIMIT_BYTES:
-            child.end()
-            child = _Child()
-    child.end()
+def case(samples: list[Sample], seed: int, number: int) -> tuple[Sample, bytes]:
+    """The sample and its damaged bytes. They depend on nothing but seed and number."""
+    random = np.random.default_rng([seed, number])
+    sample = samples[number % len(samples)]
+    others = [other.data for other in samples if other.kind == sample.kind]
+    return sample, mutated(sample.data, random, others)
 
 
-class _Child:
-    def __init__(self) -> None:
-        self._process = subprocess.Popen(CHILD, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        self._own = 0
-        self._own = self._answer(_START_SECONDS)["bytes"]
-        self.usable = True
+def _prepare() -> None:
+    """Get a worker ready: libraries loaded, what they print thrown away, memory limited."""
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+    _originals()
+    resource.setrlimit(resource.RLIMIT_DATA, (_memory("VmData") + _SPARE, resource.RLIM_INFINITY))
 
-    def ask(self, seed: int, number: int) -> tuple[dict[str, Any], int]:
-        try:
-            self._process.stdin.write(f"{seed} {number}\n".encode())
-            self._process.stdin.flush()
-            found = self._answer(LIMIT_SECONDS)
-        except (OSError, TimeoutError, MemoryError, EOFError) as error:
-            self.usable = False
-            code = self._process.poll()
-            why = f"{error}" if code is None else f"ended with {code}"
-            return {"outcome": FAULT, "why": f"the process that read it {why}", "seconds": 0.0}, 0
-        return found, found["bytes"] - self._own
 
-    def end(self) -> None:
-        self._process.kill()
-        self._process.communicate()
+@cache
+def _originals() -> tuple[list[Sample], dict[bytes, object]]:
+    """The samples, and what each reads as, by its bytes."""
+    samples = corpus()
+    with tempfile.TemporaryDirectory() as folder:
+        originals = {}
+        for sample in samples:
+            path = Path(folder) / f"original{sample.suffix}"
+            path.write_bytes(sample.data)
+            originals[sample.data] = sample.read(path)
+    return samples, originals
 
-    def _answer(self, seconds: float) -> dict[str, Any]:
-        """The next line. Raises TimeoutError, MemoryError, or EOFError when the process has died."""
-        until = time.monotonic() + seconds
-        while not select.select([self._process.stdout], [], [], _LOOK)[0]:
-            if time.monotonic() > until:
-                raise TimeoutError(f"did not answer for {seconds:g} s")
-            if self._own and (beyond := self._resident() - self._own) > LIMIT_BYTES:
-                raise MemoryError(f"took {beyond >> 20} MB")
-        line = self._process.stdout.readline()
-        if not line:
-            self._process.wait(1)
-            raise EOFError
-        return json.loads(line)
 
-    def _resident(self) -> int:
-        try:
-            status = Path(f"/proc/{self._process.pid}/status").read_text("ascii")
-        except OSError:
-            return 0
-        return next((int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmRSS")), 0)
+def _read(seed: int, number: int) -> tuple[Outcome, float, int]:
+    """In a worker: the outcome of reading a damaged file, the seconds, and the bytes beyond those that it had before."""
+    samples, originals = _originals()
+    sample, data = case(samples, seed, number)
+    # A splice may have made another whole sample.
+    expected = originals.get(data, originals[sample.data])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"shot{sample.suffix}"
+        path.write_bytes(data)
+        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+        before, start = _memory("VmHWM"), time.perf_counter()
+        outcome = _outcome(sample, expected, path)
+        return outcome, time.perf_counter() - start, _memory("VmHWM") - before
+
+
+def _outcome(sample: Sample, original: object, path: Path) -> Outcome:
+    """Outcome of reading the file at `path`. A sealed file that reads as something else than `original` is a fault."""
+    try:
+        content = sample.read(path)
+    except InputError as error:
+        return REFUSED, str(error)
+    except BaseException as error:
+        return FAULT, "".join(traceback.format_exception(error))
+    if content == original:
+        return SAME, ""
+    return (FAULT, "silently wrong: accepted, and not what was written") if sample.sealed else (ALTERED, "")
+
+
+def _memory(figure: str) -> int:
+    """Bytes of this process: VmHWM, its peak, or VmData, what it has asked for."""
+    lines = Path("/proc/self/status").read_text("ascii").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{figure}:"))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...shared import Mosaic
 from ...shared.errors import InputError
-from .samples import CLIPPED, levels_of, robust_deviation, without
+from .samples import CLIPPED, levels_of, robust_deviation, without_shading
 
 # Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind are told apart.
 _TILES = 24  # along each side
@@ -44,7 +44,7 @@ class Content:
     @classmethod
     def of(cls, mosaic: Mosaic) -> "Content":
         """Return the content of a frame; its black level counts, its shading does not."""
-        levels, period = levels_of(without(mosaic, "shading")), mosaic.pattern.period
+        levels, period = levels_of(without_shading(mosaic)), mosaic.pattern.period
         row, column = np.argwhere(mosaic.pattern.panchromatic_mask((period, period)))[0]
         # One site of each period tells it.
         clear = levels[row::period, column::period].astype(np.float64)

@@ -39,7 +39,6 @@ _STEADY = 0.3  # codes of 12 bits: drift of black between dark frames and other 
 _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
 # Of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much per colour.
 _KNOWN_COLOUR = 0.005
-_SHAPES = 4  # of colour shading: two that are round, and two that tilt
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
 _INSTEAD = (
@@ -132,6 +131,8 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
 
     colours: (N, C), levels of the channels.
     places: (N, 2), row and column from the middle of the frame, in halves of its diagonal.
+
+    Shapes of shading: two that are round, and two that tilt.
     """
     square = (places**2).sum(axis=1, keepdims=True)
     shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])

@@ -27,7 +27,7 @@ from .dark_frames import DarkResult, measure_dark
 from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma
 from .noise import FlatResult, measure_flats, noise_of_flats
-from .samples import PlaceSamples, figures, patch_samples, without
+from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY).
@@ -44,8 +44,7 @@ class ShotMeasurement:
     """Measurements of one shot of the chart.
 
     name: file name.
-    calibration: the calibration stored in the shot, with the black level that the measurements refer to.
-    fit: gamma.
+    fit: gamma; its calibration is that stored in the shot, with the black level that the measurements refer to.
     chart: the chart.
     places: statistics of the patches.
     picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
@@ -53,7 +52,6 @@ class ShotMeasurement:
     """
 
     name: str
-    calibration: SensorCalibration
     fit: GammaFit
     chart: FoundChart
     places: PlaceSamples
@@ -194,8 +192,7 @@ def measure_chart(
     places = patch_samples(mosaic, chart.place.measured())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fit = fit_gamma(places, mosaic.calibration, assumed)
-    picture = overlay(mosaic, chart.place)
-    return ShotMeasurement(name, mosaic.calibration, fit, chart, places, picture)
+    return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart.place))
 
 
 class Session:
@@ -250,7 +247,7 @@ class Session:
     def _measure_shading(self, frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the shading of flat frames; what a shot states of its shading does not count any more."""
         if self.seen.base is not None:
-            self.seen.base = without(self.seen.base, "shading")
+            self.seen.base = without_shading(self.seen.base)
         before = self._known.setdefault("shading", None)
         try:
             self.seen.shading = measure_shading(frames)
@@ -319,7 +316,7 @@ class Session:
 
         def read(path: str) -> tuple[str, Mosaic]:
             mosaic, _ = self._read(path, kind, check)
-            return path, without(mosaic, "shading")
+            return path, without_shading(mosaic)
 
         return list(self._each(paths, kind, read))
 

@@ -13,9 +13,8 @@ from ..io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
 from ..io.colour_difference import delta_e_2000
 from ..io.page import embed_picture, embed_plot, render_page
 from .chart.place import NAMES
-from .conclude import Result
+from .conclude import ChartColours, Result
 from .noise import SIGMAS, NoiseResult
-from .parts.colour import ChartColours
 from .samples import figures
 
 if TYPE_CHECKING:

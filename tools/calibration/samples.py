@@ -47,9 +47,9 @@ def levels_of(mosaic: Mosaic) -> FloatArray:
     return mosaic.signal / np.float32(mosaic.calibration.full_scale)
 
 
-def without(mosaic: Mosaic, part: str) -> Mosaic:
-    """Return a frame that does not state this part of its lens."""
-    return replace(mosaic, calibration=replace(mosaic.calibration, **{part: None}))  # type: ignore[arg-type]
+def without_shading(mosaic: Mosaic) -> Mosaic:
+    """Return a frame that does not state the shading of its lens."""
+    return replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
 
 
 def figures(values: Sequence[float] | DoubleArray) -> str:
@@ -71,7 +71,7 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
     planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
     # What saturates is what the sensor reads.
-    clipped = levels_of(without(mosaic, "shading")) >= CLIPPED
+    clipped = levels_of(without_shading(mosaic)) >= CLIPPED
     moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     at_white = np.array([clipped[pixels].any() for pixels in patches])
@@ -111,8 +111,15 @@ def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
-    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
-    for (top, bottom), (left, right) in product(rows, columns):
+    yield from windows(planes.shape, (number, number))
+
+
+def windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
+    """Yield the windows that cut a frame into rows and columns of them; numbers: of windows along each axis."""
+    cuts = (
+        np.unique(np.linspace(0, length, number + 1).astype(int)).tolist() for length, number in zip(shape, numbers, strict=True)
+    )
+    for (top, bottom), (left, right) in product(*map(pairwise, cuts)):
         yield slice(top, bottom), slice(left, right)
 
 

@@ -10,7 +10,6 @@ that its map has fewer control points.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +18,8 @@ from scipy.optimize import least_squares
 from ...shared import CfaPattern, Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
-from ...shared.shading import basis
-from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
-from .samples import robust_deviation
+from ...shared.shading import ZOOMED, basis
+from .samples import CLIPPED, levels_of, robust_deviation, windows
 
 # Periods along a side of a tile, at least, and tiles along an axis.
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
@@ -42,6 +40,12 @@ _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames bet
 _EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
 _DIGITS = 6
+_CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
+_PARTS = 4  # of an axis, in which frames are compared with each other
+_OTHERWISE = 0.03  # share by which the light of a frame may fall off in another way than that of all together
+_COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which count little, black level decides how it falls off
+Named = tuple[str, Mosaic]
+"""A frame after its name."""
 Size = tuple[int, ...]
 """Rows and columns."""
 
@@ -97,7 +101,7 @@ class _Tiles(NamedTuple):
     error: DoubleArray
 
 
-def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
+def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     """Measure the shading that evenly lit frames show.
 
     frames: name and frame, all of one camera and of equal size; their calibration has no shading.
@@ -110,8 +114,8 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
             f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it takes {least}, "
             f"{_FEWEST_TILES * _TILE} periods of the pattern"
         )
-    focal = common_focal_length(frames)
-    light, parts = mean_of_unclipped(frames)
+    focal = _common_focal_length(frames)
+    light, parts = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):
         tiles = _measured(light, pattern, shading)
@@ -119,7 +123,7 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
             remedy = "expose more, up to three quarters of full scale"
             raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
         shading, error = _refined(shading, tiles)
-    check_alike(parts)
+    _check_alike(parts)
     left = _measured(light, pattern, shading)
     _check_light(left, shading, pattern.channels)
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
@@ -137,18 +141,71 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
     return ShadingResult(found, len(parts), error, codes, gains)
 
 
+def _common_focal_length(frames: Sequence[Named]) -> float | None:
+    """Return the common focal length of flat frames, millimetres, None if unknown. Raises InputError if they differ."""
+    stated = ((frame.metadata.focal_length, name) for name, frame in frames)
+    known = sorted((length, name) for length, name in stated if length is not None)
+    if not known:
+        return None
+    (shortest, one), (longest, other) = known[0], known[-1]
+    if longest > shortest * (1 + ZOOMED):
+        lengths = f"{one} is taken at {shortest:g} mm, {other} at {longest:g} mm"
+        raise InputError(f"flat frames: {lengths}; take all at one focal length")
+    return shortest
+
+
+def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, DoubleArray]]:
+    """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic light in parts of each.
+
+    Raises InputError if all are clipped.
+    """
+    pattern, shape = frames[0][1].pattern, frames[0][1].shape
+    planes, letters = pattern.filter_map(shape), pattern.planes
+    number, clear = np.bincount(planes.ravel()), planes == len(letters) - 1
+    down, right = (np.linspace(0, length, _PARTS, endpoint=False).astype(int) for length in shape)
+    total, parts, clipped = np.zeros(shape), {}, []
+    for name, frame in frames:
+        levels = levels_of(frame)
+        shares = np.bincount(planes[levels >= CLIPPED], minlength=len(letters)) / number
+        if shares.max() > _CLIPPED_PART:
+            clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
+            continue
+        total += levels
+        strips = np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64)
+        parts[name] = np.add.reduceat(strips, right, axis=1)
+    if not parts:
+        share, letter, name = min(clipped)
+        raise InputError(
+            f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the samples of {letter}; expose less, so "
+            "that the brightest read about three quarters of full scale"
+        )
+    return total / len(parts), parts
+
+
+def _check_alike(parts: dict[str, DoubleArray]) -> None:
+    """Raise InputError if the light of a frame falls off in another way than that of all; parts: see `_mean_of_unclipped`."""
+    together = np.sum(list(parts.values()), axis=0)
+    brightest = max(part.mean() for part in parts.values())
+    for name, part in parts.items():
+        if part.mean() < _COUNTS * brightest:
+            continue
+        unlike = float(np.ptp(part / part.mean() / (together / together.mean())))
+        if unlike > _OTHERWISE:
+            raise InputError(
+                f"flat frames: the light of {name} falls off in another way than that of all together, by {100 * unlike:.1f} %, "
+                f"{100 * _OTHERWISE:.0f} % are allowed; take all with the same lens, focal length, aperture and light"
+            )
+
+
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
     """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is known."""
     shape = light.shape[0], light.shape[1]
-    planes, cuts = pattern.filter_map(shape), []
-    for length in shape:
-        number = min(length // (_TILE * pattern.period), _MOST_TILES)
-        cuts.append(list(pairwise(np.linspace(0, length, number + 1).astype(int).tolist())))
-    windows = [(slice(*rows), slice(*columns)) for rows, columns in product(*cuts)]
-    found = np.zeros((5, len(shading.gain), len(windows)))
+    planes = pattern.filter_map(shape)
+    down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
+    measured = np.zeros((5, len(shading.gain), down * right))
     for plane in range(len(shading.gain)):
         gain = shading.of_plane(shape, plane)
-        for number, window in enumerate(windows):
+        for number, window in enumerate(windows(shape, (down, right))):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             deviation = np.abs(values - np.median(values))
@@ -160,8 +217,8 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = float(gain[window][rows, columns].mean())
-            found[:, plane, number] = *middle, undone, mean, error
-    return _Tiles((len(cuts[0]), len(cuts[1])), *found)
+            measured[:, plane, number] = *middle, undone, mean, error
+    return _Tiles((down, right), *measured)
 
 
 def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:

@@ -64,24 +64,21 @@ class Viewfinder:
 
     dropped: returns the number of frames that came too fast to be shown.
     shots: the folder in which `shoot` saves; None = shots cannot be saved.
-    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes.
+    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes, `folder` is where `shoot` saves, `closed`
+    says that there are no more pictures.
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
         self._dropped = dropped
         self._shots = shots
+        self.folder = shots.path if shots else None
         self._changed = threading.Condition()
         self._view: View | None = None
-        self._closed = False
+        self.closed = False
         self._begun = monotonic()
         self._shown: deque[float] = deque()  # times of pictures
         self._shooting = threading.Lock()
         self.doubtful = DoubtfulShots()
-
-    @property
-    def folder(self) -> Path | None:
-        """Where `shoot` saves."""
-        return self._shots.path if self._shots else None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float, *, is_checked: bool = False) -> None:
         """Make a picture the latest view.
@@ -109,14 +106,9 @@ class Viewfinder:
         seconds: to wait at most; None = without end.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or (self._view is not None and self._view.number > number), seconds)
+            self._changed.wait_for(lambda: self.closed or (self._view is not None and self._view.number > number), seconds)
             newer = self._view is not None and self._view.number > number
-            return self._view if newer and not self._closed else None
-
-    @property
-    def closed(self) -> bool:
-        """Whether the viewfinder is closed."""
-        return self._closed
+            return self._view if newer and not self.closed else None
 
     def status(self) -> dict[str, Any]:
         """Return the figures for the page."""
@@ -147,7 +139,7 @@ class Viewfinder:
             raise InputError("no folder for shots: start with -o DIR")
         with self._shooting:
             view = self._view
-            if view is None or self._closed:
+            if view is None or self.closed:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
             started = perf_counter()
             path = self._shots.save(view.mosaic, view.picture, view.taken)
@@ -158,7 +150,7 @@ class Viewfinder:
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""
         with self._changed:
-            self._closed = True
+            self.closed = True
             self._changed.notify_all()
         with self._shooting:
             pass

@@ -133,7 +133,7 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
 
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
-    for protocol in PROTOCOLS.values():
+    for protocol in PROTOCOLS:
         settings: dict[str, Any] = {
             "metavar": protocol.metavar,
             "type": factor,
@@ -159,8 +159,7 @@ def pixel_limit() -> int:
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     """The kind of noise, and its level or levels, None without. Raises InputError for --sigma together with --light."""
     return chosen_protocol(
-        None,
-        {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS.values()},
+        {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS},
     )
 
 

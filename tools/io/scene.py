@@ -1,6 +1,5 @@
 """The scene: the light that falls on a simulated sensor."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,7 +32,6 @@ class Scene:
     notes: remarks for the user on how the file was interpreted.
     neutral_estimated: the neutral is an estimate from the scene, because the file states none.
     channels: the N letters of the channels, in the order of rgb.
-    mixtures: by letter, what other filters let through of each channel, (N,), 0 to 1; panchromatic pixels see all of it.
     eight_bits: it was read from a picture of 8 bits, which somebody has developed.
 
     Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
@@ -47,7 +45,6 @@ class Scene:
     notes: tuple[str, ...] = ()
     neutral_estimated: bool = False
     channels: str = RGB
-    mixtures: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     eight_bits: bool = False
 
     def __post_init__(self) -> None:

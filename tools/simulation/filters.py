@@ -80,7 +80,7 @@ class Filters:
 
 
 def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
-    """The filters of a pattern before a scene: the scene's own channels, its mixtures, and C, M and Y made from R, G and B.
+    """The filters of a pattern before a scene: the scene's own channels, and C, M and Y made from R, G and B.
 
     Raises InputError for letters that are neither, and when no positive weights of the filters add up to what panchromatic pixels
     see.
@@ -96,17 +96,16 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
     passed = np.array([sources[each] for each in channels])
     gamma, notes = _weights(channels, passed, there)
     if composed := [letter for letter in channels if letter not in there]:
-        colours = "channels" if set(composed) <= set(scene.mixtures) else "red, green and blue"
-        made = f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's {colours}"
-        notes = (made, *notes)
+        notes = (f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's red, green and blue", *notes)
     return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
 
 
 def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
     """For each filter that is no channel of the scene: what it passes of the scene's channels, (N,), by letter."""
-    broadband = BROADBAND if set(RGB) <= set(scene.channels) else {}
-    passed = {letter: tuple(float(each in through) for each in scene.channels) for letter, through in broadband.items()}
-    return {letter: np.array(each) for letter, each in (passed | dict(scene.mixtures)).items() if letter not in scene.channels}
+    if not set(RGB) <= set(scene.channels):
+        return {}
+    others = {letter: through for letter, through in BROADBAND.items() if letter not in scene.channels}
+    return {letter: np.array([float(channel in through) for channel in scene.channels]) for letter, through in others.items()}
 
 
 def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:

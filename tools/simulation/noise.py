@@ -48,8 +48,8 @@ class Protocol:
         Of the level, its name first.
     headroom, bits : bool, int
         Samples above white are kept; bits of a sample in an evaluation.
-    equal_noise, conditions : str
-        What is equal for all patterns; what the noise is, and what is equal for a Bayer camera.
+    conditions : str
+        What the noise is, and what is equal for a Bayer camera.
 
     """
 
@@ -67,13 +67,10 @@ class Protocol:
     unit: ClassVar[str]
     headroom: ClassVar[bool]
     bits: ClassVar[int]
-    equal_noise: ClassVar[str]
     conditions: ClassVar[str]
 
     noisy = True
     """There is noise at this level."""
-    clear = True
-    """There may be so little noise that methods made for clean pictures are at their best."""
     light = 1.0
     """Light that a shot records, as a multiple of the scene's."""
 
@@ -140,7 +137,6 @@ class PaperProtocol(Protocol):
     unit = "sigma, scene units"
     headroom = True
     bits = 16
-    equal_noise = "with noise that is the same fraction of what a panchromatic pixel reads in white"
     conditions = "additive Gaussian, equally strong on every sample, nothing clipped or quantised"
 
     def __post_init__(self) -> None:
@@ -161,11 +157,6 @@ class PaperProtocol(Protocol):
     def noisy(self) -> bool:  # type: ignore[override]
         """There is noise at this level."""
         return self.level > 0
-
-    @property
-    def clear(self) -> bool:  # type: ignore[override]
-        """There is no noise at this level."""
-        return self.level == 0
 
     def scaled(self, unit: float) -> Protocol:
         """Return the same fraction of what a panchromatic pixel reads in white: see `Protocol.scaled`."""
@@ -198,7 +189,6 @@ class SensorProtocol(Protocol):
     unit = "exposure"
     headroom = False
     bits = _BITS
-    equal_noise = "on the same pixels, with the same exposure time"
     conditions = (
         f"both cameras expose pixels of the same sensor for the same time: {1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
         f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies more, "
@@ -235,35 +225,30 @@ class SensorProtocol(Protocol):
         return BayerShot(measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level)
 
 
-PROTOCOLS: dict[str, type[Protocol]] = {each.name: each for each in (PaperProtocol, SensorProtocol)}
+PROTOCOLS: tuple[type[Protocol], ...] = PaperProtocol, SensorProtocol
 
 Given = TypeVar("Given")
 
 
-def chosen_protocol(name: str | None, levels: Mapping[str, Given | None]) -> tuple[type[Protocol], Given | None]:
-    """Return the kind of noise that is asked for, and the level or levels given for it; None where its default is meant.
+def chosen_protocol(levels: Mapping[str, Given | None]) -> tuple[type[Protocol], Given | None]:
+    """Return the kind of noise that is asked for, and the level or levels given for it; None = the paper's, at its default.
 
     Parameters
     ----------
-    name : str or None
-        In PROTOCOLS; None = that of the level which is given, or else the paper's.
     levels : mapping
-        What is given under the names of the levels (`Protocol.option`).
+        What is given under the names of the levels (`Protocol.option`); None = nothing.
 
-    Raises InputError for an unknown kind, for the level of the other one, and for levels of both.
+    Raises
+    ------
+    InputError
+        Levels of both kinds are given.
 
     """
     given = [option for option, level in levels.items() if level is not None]
-    if name is None and len(given) > 1:
+    if len(given) > 1:
         both = " and ".join(f"`{option}`" for option in given)
         raise InputError(f"{both} set different kinds of noise; give one of them")
-    if name is None:
-        name = next((each.name for each in PROTOCOLS.values() if each.option in given), PaperProtocol.name)
-    if name not in PROTOCOLS:
-        raise InputError(f"`protocol` is {name!r}, expected one of {', '.join(PROTOCOLS)}")
-    chosen = PROTOCOLS[name]
-    if others := [option for option in given if option != chosen.option]:
-        raise InputError(
-            f"`{others[0]}` is not a level of `protocol` {name}, whose noise is set by `{chosen.option}`; give the one or the other"
-        )
-    return chosen, levels.get(chosen.option)
+    for protocol in PROTOCOLS:
+        if protocol.option in given:
+            return protocol, levels[protocol.option]
+    return PaperProtocol, None

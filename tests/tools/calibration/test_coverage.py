@@ -69,7 +69,7 @@ def test_blue_light_is_called_blue() -> None:
     outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
     (shot,) = outcome.seen.shots
     # That of the dark frames.
-    assert shot.calibration.black_level == outcome.camera.calibration.black_level
+    assert shot.fit.calibration.black_level == outcome.camera.calibration.black_level
     said = " ".join(outcome.warnings)
     assert re.search("strongly coloured: on grey R reads 5 % of what B does.*white light", said)
     assert not re.search("uneven|black level", said)

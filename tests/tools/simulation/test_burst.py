@@ -7,9 +7,8 @@ from panchroma.offline import burst as merged
 from panchroma.shared import CaptureMetadata
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames, reduced, tremor
+from panchroma.tools.simulation.burst import Motion, SimulatedBurst, burst_frames, displaced, reach, reduced, tremor
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
-from panchroma.tools.simulation.motion import Motion, displaced, reach
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
 

@@ -1,4 +1,4 @@
-"""Drawn scenes: any size, repeatable, with the colours, charts and metamers that they say."""
+"""Drawn scenes: any size, repeatable, with the colours and charts that they say."""
 
 from typing import Any
 

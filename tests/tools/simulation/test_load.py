@@ -258,20 +258,10 @@ SIX = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
 @pytest.mark.parametrize(
     "answer",
     [
-        b"",
-        pickle.dumps((True, np.zeros(3))),
-        b"[" * 100_000,
-        b"[]",
-        b"null",
-        json.dumps({**SIX, "dtype": "object"}).encode(),
-        json.dumps({**SIX, "dtype": "float64"}).encode(),
-        json.dumps({**SIX, "shape": [6]}).encode(),
-        json.dumps({**SIX, "shape": [-2, -3]}).encode(),
-        json.dumps({**SIX, "shape": [2.0, 3]}).encode(),
-        json.dumps({**SIX, "shape": [2, 4]}).encode(),
-        json.dumps({**SIX, "shape": [1 << 20, 1 << 20]}).encode(),
-        json.dumps({**SIX, "facts": 7}).encode(),
-        json.dumps({**SIX, "facts": {"long": "x" * (1 << 20)}}).encode(),
+        *(b"", pickle.dumps((True, np.zeros(3))), b"[" * 100_000, b"[]", b"null"),
+        *(json.dumps(SIX | {"dtype": dtype}).encode() for dtype in ("object", "float64")),
+        *(json.dumps(SIX | {"shape": shape}).encode() for shape in ([6], [-2, -3], [2.0, 3], [2, 4], [1 << 20, 1 << 20])),
+        *(json.dumps(SIX | {"facts": facts}).encode() for facts in (7, {"long": "x" * (1 << 20)})),
     ],
 )
 def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:

@@ -61,6 +61,3 @@ def test_a_file_without_a_pattern_is_named(tmp_path: Path, content: bytes, words
     assert words in str(refused.value)
     with pytest.raises(InputError, match="is a folder; give a pattern"):
         read_pattern(str(tmp_path))
-
-
-# --- names of tiles, wherever letters go ---------------------------------------------------------------------------------------

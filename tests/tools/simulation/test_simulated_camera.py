@@ -146,13 +146,8 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
             SensorProtocol.levels([level])
 
 
-def test_the_level_of_another_protocol_is_refused() -> None:
-    assert chosen_protocol(None, {"sigma": None, "light": None}) == (PaperProtocol, None)
-    wrong: list[tuple[str | None, dict[str, float]]] = [("paper", {"light": 1.0}), ("sensor", {"sigma": 0.0})]
-    for name, levels in wrong:
-        with pytest.raises(InputError, match="is not a level of `protocol`"):
-            chosen_protocol(name, levels)
+def test_one_kind_of_noise_is_chosen() -> None:
+    assert chosen_protocol({"sigma": None, "light": None}) == (PaperProtocol, None)
+    assert chosen_protocol({"sigma": None, "light": 0.5}) == (SensorProtocol, 0.5)
     with pytest.raises(InputError, match="`sigma` and `light` set different kinds of noise; give one of them"):
-        chosen_protocol(None, {"sigma": 0.0, "light": 1.0})
-    with pytest.raises(InputError, match="expected one of paper, sensor"):
-        chosen_protocol("both", {})
+        chosen_protocol({"sigma": 0.0, "light": 1.0})

@@ -37,15 +37,13 @@ class ChartPlace:
     corners: four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green, black, white.
 
     Cells are the chart's coordinates: the middle of a patch is the middle of a cell, (0, 0) to (6, 4) is the chart. Raises
-    InputError if the corners are not four, or not clockwise around a convex quadrilateral.
+    InputError if the corners are not clockwise around a convex quadrilateral.
     """
 
     corners: Matrix
 
     def __post_init__(self) -> None:
         points = np.array(self.corners, float)
-        if points.shape != (4, 2):
-            raise InputError(f"chart: {len(self.corners)} corners, expected four (x, y): dark skin, bluish green, black, white")
         sides = np.roll(points, -1, axis=0) - points
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():

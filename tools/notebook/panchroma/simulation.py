@@ -70,7 +70,7 @@ def simulate(
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
     """
-    kind, level = chosen_protocol(None, {"sigma": sigma, "light": light})
+    kind, level = chosen_protocol({"sigma": sigma, "light": light})
     protocol = kind(kind.default if level is None else level)
     if seed < 0:
         raise InputError(f"`seed` is {seed}, expected 0 or more")

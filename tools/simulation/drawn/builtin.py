@@ -1,14 +1,14 @@
 """The built-in scene: fallen leaves and a row of test charts, to try everything without a photograph."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
 from ....shared.colorimetry import SRGB_TO_XYZ
 from ...io.scene import Scene
-from .charts import BRIGHTEST, CARD, DARKEST, Paints, colour_star, detail_chart, grey_star, patches_chart, rgb_paints
-from .dead_leaves import STRIP, Materials, dead_leaves, rgb_materials
+from .charts import BRIGHTEST, CARD, DARKEST, colour_star, detail_chart, grey_star, patches_chart
+from .dead_leaves import STRIP, dead_leaves
 
 SAMPLES = 3  # per pixel and axis of a chart
 ASPECT = 1.5  # width over height of the frame that the layout is made for; in others only the gaps differ
@@ -16,7 +16,7 @@ HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011  # chart, space below it, card around it
 LEAST_HEIGHT = 24  # pixels: smaller charts would only be mush, so there are none
 CORNER = 0.02  # radius of the card's corners, part of the frame's scale
 
-Drawing = Callable[[DoubleArray, DoubleArray, float, Paints], DoubleArray]
+Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 """Draws a chart, see `charts`."""
 
 # From left to right: width over height, drawing.
@@ -29,25 +29,13 @@ def builtin_scene(width: int, height: int) -> Scene:
     It shows dead leaves (see `dead_leaves`) under a soft light. Frames of about 140 x 95 pixels and more have charts in front of
     them: a ColorChecker, a Siemens star in luminance, one in chromaticity, and slanted edges with lettering (see `charts`).
     """
-    rgb = leaves_and_charts(width, height, rgb_materials(), CHARTS, rgb_paints())
-    return Scene(rgb, f"builtin-{width}x{height}", SRGB_TO_XYZ, (1.0, 1.0, 1.0))
-
-
-def leaves_and_charts(
-    width: int, height: int, materials: Materials, charts: Sequence[tuple[float, Drawing]], paints: Paints
-) -> FloatArray:
-    """Draw the test scene with any number C of channels: reflectances under a soft light, float32 (height, width, C), 0.01 to 0.95.
-
-    materials: of the leaves.
-    charts: width over height and drawing of each, from left to right.
-    paints: of the charts.
-    """
     scale = min(width / ASPECT, height)
-    picture = dead_leaves(width, height, scale, materials=materials)
+    picture = dead_leaves(width, height, scale)
     picture *= _light(width, height)[..., None]
     if HEIGHT * scale >= LEAST_HEIGHT:
-        _add_charts(picture, scale, charts, paints)
-    return np.clip(picture, DARKEST, BRIGHTEST, out=picture)
+        _add_charts(picture, scale)
+    np.clip(picture, DARKEST, BRIGHTEST, out=picture)
+    return Scene(picture, f"builtin-{width}x{height}", SRGB_TO_XYZ, (1.0, 1.0, 1.0))
 
 
 def _light(width: int, height: int) -> FloatArray:
@@ -56,20 +44,20 @@ def _light(width: int, height: int) -> FloatArray:
     return (1.25 - 0.55 * (0.5 * right + 0.5 * down) ** 1.2).astype(np.float32)
 
 
-def _add_charts(picture: FloatArray, scale: float, charts: Sequence[tuple[float, Drawing]], paints: Paints) -> None:
+def _add_charts(picture: FloatArray, scale: float) -> None:
     """Draw the charts into the picture, in a row along the lower border."""
     height, width = picture.shape[:2]
     size = round(HEIGHT * scale)
-    widths = [round(size * aspect) for aspect, _ in charts]
-    gap = (width - sum(widths)) / (len(charts) + 1)
+    widths = [round(size * aspect) for aspect, _ in CHARTS]
+    gap = (width - sum(widths)) / (len(CHARTS) + 1)
     top = height - size - round(GAP * scale)
     left = gap
-    for (_, draw), across in zip(charts, widths, strict=True):
-        _lay(picture, round(left), top, across, size, scale, draw, paints)
+    for (_, draw), across in zip(CHARTS, widths, strict=True):
+        _lay(picture, round(left), top, across, size, scale, draw)
         left += across + gap
 
 
-def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing, paints: Paints) -> None:
+def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing) -> None:
     """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card and a soft shadow."""
     margin = round(BORDER * scale)
     shadow, reach = 1.6 * margin, 3 * margin
@@ -87,7 +75,7 @@ def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: flo
         card = np.full((below.size, x.size, rgb.shape[2]), CARD)
         drawn = (below > 0) & (below < size)
         if drawn.any():
-            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size, paints)
+            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size)
         covered = (_outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin).astype(np.float64)[..., None]
         card *= covered
         target = rgb[top - margin + first :, left - margin : left + width + margin][: below.size // SAMPLES]

@@ -1,13 +1,11 @@
 """Test charts as functions of position: the ColorChecker Classic, Siemens stars, slanted edges, letters made of straight strokes.
 
-Every drawing takes the same parameters and returns reflectances, (h, w, C), 0.01 to 0.95.
+Every drawing takes the same parameters and returns reflectances, linear sRGB (h, w, 3), 0.01 to 0.95.
 
 x, y: float64 (h, w), points of a rectangle of height 1, x to the right and y down.
 pixel: size of a pixel in these units.
-paints: what it is drawn with.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +22,7 @@ CARD, PAPER, INK = 0.035, 0.80, 0.03  # reflectances; CARD is what is around pat
 WARM, COOL = np.array([0.72, 0.30, 0.12]), np.array([0.12, 0.40, 0.62])
 WHITE, BLACK = np.full(3, PAPER), np.full(3, 0.05)
 RED_INK, BLUE_INK = np.array([0.50, 0.04, 0.03]), np.array([0.03, 0.06, 0.40])
+_INKS = (np.full(3, INK), RED_INK, BLUE_INK, np.full(3, INK))  # of the lines of letters from top to bottom
 SPOKES = 36
 _LINES = ((0.565, 0.105), (0.715, 0.075), (0.830, 0.052), (0.915, 0.034))  # of letters: top, height
 SLANT = np.deg2rad(5.0)  # ISO 12233: near-vertical edges are tilted by 5 degrees
@@ -69,43 +68,19 @@ RIM = 0.25  # card around the patches, in cells
 LIGHT = (1.0, 0.62)  # upper left, lower right
 
 
-@dataclass(frozen=True, eq=False)
-class Paints:
-    """Reflectances in C channels.
-
-    patches: (4, 6, C), of the ColorChecker.
-    white, black: (C,), what charts without colour are made of.
-    warm, cool: (C,), two colours with the same luminance for this sensor.
-    inks: (C,) each, for the lines of letters from top to bottom.
-    """
-
-    patches: DoubleArray
-    white: DoubleArray
-    black: DoubleArray
-    warm: DoubleArray
-    cool: DoubleArray
-    inks: tuple[DoubleArray, ...]
-
-
-def rgb_paints() -> Paints:
-    """Paints in linear sRGB."""
-    black_ink = np.full(3, INK)
-    return Paints(color_checker(), WHITE, BLACK, WARM, COOL, (black_ink, RED_INK, BLUE_INK, black_ink))
-
-
-def patches_chart(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -> DoubleArray:
+def patches_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     """Draw the ColorChecker, 6 x 4 patches on black; width 1.5."""
-    return draw_patches(x * 4, y * 4, np.array(CARD), paints.patches)
+    return draw_patches(x * 4, y * 4, np.array(CARD), color_checker())
 
 
-def grey_star(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -> DoubleArray:
+def grey_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     """Draw a Siemens star that varies only in luminance."""
-    return _star(x, y, pixel, paints.white, paints.black)
+    return _star(x, y, pixel, WHITE, BLACK)
 
 
-def colour_star(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -> DoubleArray:
+def colour_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     """Draw a Siemens star that varies only in chromaticity."""
-    return _star(x, y, pixel, paints.warm, paints.cool)
+    return _star(x, y, pixel, WARM, COOL)
 
 
 def _star(x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, second: DoubleArray) -> DoubleArray:
@@ -118,14 +93,14 @@ def _star(x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, seco
     return (first + second) / 2 + wave[..., None] * (first - second) / 2
 
 
-def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float, paints: Paints) -> DoubleArray:
+def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     """Draw slanted edges in luminance and in chromaticity, and below them lines of smaller and smaller letters, some in colour."""
-    chart = np.tile(paints.white, (*x.shape, 1))
-    for left, ground, square in ((0.0, paints.white, paints.black), (0.5, paints.warm, paints.cool)):
+    chart = np.tile(WHITE, (*x.shape, 1))
+    for left, ground, square in ((0.0, WHITE, BLACK), (0.5, WARM, COOL)):
         half = (x >= left) & (x < left + 0.5) & (y < 0.5)
         chart[half] = ground
         chart[half & _slanted_square(x - left - 0.25, y - 0.25)] = square
-    for (top, height), colour in zip(_LINES, paints.inks, strict=True):
+    for (top, height), colour in zip(_LINES, _INKS, strict=True):
         chart[ink(x - 0.06, y - top, height)] = colour
     return chart
 
@@ -174,8 +149,8 @@ def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray, patches: D
     """Draw 24 patches over `ground`.
 
     u, v: (h, w), positions in cells: the chart covers 0..6 and 0..4, each patch is in the middle of a cell.
-    ground: broadcasts to (h, w, C), colours between and around the patches.
-    patches: (4, 6, C), such as `color_checker`.
+    ground: broadcasts to (h, w, 3), colours between and around the patches.
+    patches: (4, 6, 3), see `color_checker`.
     """
     column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
     inside = (np.abs(column % 1 - 0.5) < DRAWN_PATCH / 2) & (np.abs(row % 1 - 0.5) < DRAWN_PATCH / 2)

@@ -37,27 +37,11 @@ _COLOURS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Materials:
-    """What leaves are made of: m materials, in C channels.
-
-    reflectance: (m, C).
-    frequency: (m,), relative.
-    variation: (k, C), ways in which leaves of one material differ: the logarithm of reflectance at one standard deviation.
-    ground: (C,), reflectance where there is no leaf.
-    """
-
-    reflectance: DoubleArray
-    frequency: DoubleArray
-    variation: DoubleArray
-    ground: DoubleArray
-
-
-def rgb_materials() -> Materials:
-    """Materials in linear sRGB."""
-    codes = np.array([code for code, _ in _COLOURS])
-    colours = decode_srgb(np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1) / 255)
-    return Materials(colours, np.array([weight for _, weight in _COLOURS]), 0.09 * np.eye(3), np.array(GROUND))
+_CODES, _FREQUENCIES = np.array(_COLOURS).T
+_CHANNELS = [(_CODES.astype(int) >> shift) & 255 for shift in (16, 8, 0)]
+MATERIALS = decode_srgb(np.stack(_CHANNELS, axis=1) / 255)
+"""Reflectances that leaves may have, linear sRGB (materials, 3)."""
+VARIATION = 0.09  # standard deviation of the logarithm of each channel's reflectance among leaves of one material
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +52,7 @@ class Leaves:
     angle: radians.
     breadth: width across, in parts of the radius.
     tipped: whether the leaf is pointed.
-    reflectance: float32 (n, C).
+    reflectance: float32 (n, 3).
     """
 
     x: DoubleArray
@@ -80,25 +64,23 @@ class Leaves:
     reflectance: FloatArray
 
 
-def dead_leaves(width: int, height: int, scale: float, seed: int = 1, materials: Materials | None = None) -> FloatArray:
-    """Draw a frame of dead leaves: reflectance times shading, float32 (height, width, C), about 0.003 to 0.95.
+def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatArray:
+    """Draw a frame of dead leaves: reflectance times shading, linear sRGB, float32 (height, width, 3), about 0.003 to 0.95.
 
     width, height: pixels.
     scale: pixels per unit of LARGEST and SMALLEST.
     seed: the same arguments give the same picture.
-    materials: what the leaves are made of; by default `rgb_materials`.
     """
-    materials = materials or rgb_materials()
-    leaves = scatter(width, height, scale, seed, materials)
-    picture: FloatArray = np.empty((height, width, len(materials.ground)), np.float32)
+    leaves = scatter(width, height, scale, seed)
+    picture: FloatArray = np.empty((height, width, 3), np.float32)
     step = max(1, round(0.0025 * scale * SAMPLES))
     for top in range(0, height, STRIP):
         bottom = min(top + STRIP, height)
-        picture[top:bottom] = _paint(leaves, materials.ground, top, bottom, width, step)
+        picture[top:bottom] = _paint(leaves, top, bottom, width, step)
     return picture
 
 
-def scatter(width: int, height: int, scale: float, seed: int, materials: Materials) -> Leaves:
+def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
     """Return leaves that cover a frame. Within each octave of radius their number follows r^-3."""
     largest = max(LARGEST * scale, 2 * LEAST)
     smallest = max(SMALLEST * scale, LEAST)
@@ -123,24 +105,23 @@ def scatter(width: int, height: int, scale: float, seed: int, materials: Materia
         angle=draws.random(x.size) * 2 * np.pi,
         breadth=np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size),
         tipped=tipped,
-        reflectance=_reflectances(materials, x / scale, y / scale, draws),
+        reflectance=_reflectances(x / scale, y / scale, draws),
     )
 
 
-def _reflectances(materials: Materials, x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
-    """Return a reflectance per leaf, float32 (n, C): one material each, often that of its neighbours, as under one tree."""
-    likely = np.tile(np.log(materials.frequency), (x.size, 1))
-    for phase, across, down in draws.random((3, 3, len(materials.frequency))):
+def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
+    """Return a reflectance per leaf, float32 (n, 3): one material each, often that of its neighbours, as under one tree."""
+    likely = np.tile(np.log(_FREQUENCIES), (x.size, 1))
+    for phase, across, down in draws.random((3, 3, len(MATERIALS))):
         likely += 1.1 * np.sin(2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5)))
     chosen = np.argmax(likely + draws.gumbel(size=likely.shape), axis=1)
     brightness = draws.normal(0, 0.22, (x.size, 1))
-    varied = draws.normal(0, 1, (x.size, len(materials.variation))) @ materials.variation
-    varied = materials.reflectance[chosen] * np.exp(brightness + varied)
+    varied = MATERIALS[chosen] * np.exp(brightness + draws.normal(0, 1, (x.size, 3)) * VARIATION)
     return np.clip(varied, 0.012, 0.8).astype(np.float32)
 
 
-def _paint(leaves: Leaves, ground: DoubleArray, top: int, bottom: int, width: int, step: int) -> FloatArray:
-    """Draw rows top..bottom of the picture, (bottom - top, width, C). step: length of a step of shadow, in samples."""
+def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> FloatArray:
+    """Draw rows top..bottom of the picture, (bottom - top, width, 3). step: length of a step of shadow, in samples."""
     above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows above that cast shadows into this strip
     upmost = _topmost(leaves, top * SAMPLES - above, bottom * SAMPLES, width * SAMPLES)
     index = upmost[above:]
@@ -150,8 +131,8 @@ def _paint(leaves: Leaves, ground: DoubleArray, top: int, bottom: int, width: in
         rows = np.maximum(np.arange(above - distance, above - distance + len(index)), 0)
         caster = upmost[rows, : index.shape[1] - right]
         light[:, right:] *= np.where(caster > index[:, right:], np.float32(SHADOW), np.float32(1))
-    reflectance = np.concatenate([leaves.reflectance, ground[None].astype(np.float32)])  # index -1 is the ground
-    mean = np.zeros((bottom - top, width, len(ground)), np.float32)
+    reflectance = np.concatenate([leaves.reflectance, np.array([GROUND], np.float32)])  # index -1 is the ground
+    mean = np.zeros((bottom - top, width, 3), np.float32)
     for row in range(SAMPLES):
         for column in range(SAMPLES):
             mean += reflectance[index[row::SAMPLES, column::SAMPLES]] * light[row::SAMPLES, column::SAMPLES, None]
