@@ -31,13 +31,10 @@ _LONGEST_PART = 100  # bytes; with the suffix a name that every file system acce
 _CANNOT_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.ENOTTY, errno.EISDIR}
 
 
-def write_durably(
-    path: Path | str, *parts: bytes | bytearray | memoryview, overwrite: bool = False, on_complete: OnComplete | None = None
-) -> None:
-    """Write `parts` one after the other as the content of `path`, atomically and durably; see `durable_file`."""
-    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        for piece in parts:
-            file.write(piece)
+def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> None:
+    """Write the content of `path` atomically and durably; see `durable_file`."""
+    with durable_file(path, overwrite=overwrite) as file:
+        file.write(data)
 
 
 @contextmanager
