@@ -31,13 +31,10 @@ _LONGEST_PART = 100  # bytes; with the suffix a name that every file system acce
 _CANNOT_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.ENOTTY, errno.EISDIR}
 
 
-def write_durably(
-    path: Path | str, *parts: bytes | bytearray | memoryview, overwrite: bool = False, on_complete: OnComplete | None = None
-) -> None:
-    """Write `parts` one after the other as the content of `path`, atomically and durably; see `durable_file`."""
-    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        for piece in parts:
-            file.write(piece)
+def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> None:
+    """Write the content of `path` atomically and durably; see `durable_file`."""
+    with durable_file(path, overwrite=overwrite) as file:
+        file.write(data)
 
 
 @contextmanager
@@ -57,44 +54,42 @@ def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnCo
     """
     path = Path(path)
     part = part_path(path)
-    foreign: list[OSError] = []
-    try:
+    with _named(path):
         if not overwrite and os.path.lexists(path):
             raise FileExistsError
+        # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
+        file = io.BufferedWriter(_locked(part, path))
+    try:
         try:
-            # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
-            raw = _locked(part)
-            with io.BufferedWriter(raw) as file:
-                with _recorded(foreign):
-                    yield file
-                file.flush()
-                if overwrite:
+            yield file
+            file.flush()
+            if overwrite:
+                with _named(path):
                     _keep_permissions(path, file.fileno())
-                with _recorded(foreign):
-                    settled = on_complete(part) if on_complete is not None else None
+            settled = on_complete(part) if on_complete is not None else None
+            with _named(path):
                 os.fsync(file.fileno())
-                if settled is not None:
-                    with _recorded(foreign):
-                        settled()
+            if settled is not None:
+                settled()
+            with _named(path):
                 _move(part, path, overwrite)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        finally:
+            with _named(path):
+                file.close()
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    with _named(path):
         sync_folder(path.parent)
-    except OSError as error:
-        if any(error is passed for passed in foreign) and error is not raw.failure:
-            raise
-        raise OutputError(f"{path}: {reason(error, path)}") from error
 
 
 @contextmanager
-def _recorded(errors: list[OSError]) -> Iterator[None]:
-    """Add an OSError of the `with` block to a list, and let it pass."""
+def _named(path: Path) -> Iterator[None]:
+    """Make an OSError of the `with` block an OutputError that names the file and what to do."""
     try:
         yield
     except OSError as error:
-        errors.append(error)
-        raise
+        raise OutputError(f"{path}: {reason(error, path)}") from error
 
 
 def sync_folder(folder: Path) -> bool:
@@ -184,22 +179,21 @@ def sweep(folder: Path | str) -> int:
 
 
 class _Part(io.FileIO):
-    """The temporary file. failure: the error of the last write that failed; other errors are not of this file."""
+    """The temporary file for `path`, which errors name."""
 
-    failure: OSError | None = None
+    def __init__(self, part: Path, path: Path) -> None:
+        super().__init__(part, "x")
+        self._path = path
 
     def write(self, data: Any, /) -> int:
-        try:
+        with _named(self._path):
             return super().write(data)
-        except OSError as error:
-            self.failure = error
-            raise
 
 
-def _locked(part: Path) -> _Part:
+def _locked(part: Path, path: Path) -> _Part:
     """Create and open the temporary file; it is locked while it is open."""
     while True:
-        file = _Part(part, "x")
+        file = _Part(part, path)
         with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
             fcntl.flock(file, fcntl.LOCK_EX)
         if os.fstat(file.fileno()).st_nlink:

@@ -1,12 +1,13 @@
 """A queue between a sensor, which does not wait, and a slower consumer: surplus frames are dropped and counted."""
 
+import queue
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 
 from .frames import RawFrame
 
-_POLL = 0.1  # seconds between two calls of `stopped`
+_POLL = 0.1  # seconds between two calls of `stopped`, and from the last frame to the end
 
 
 class FrameQueue:
@@ -25,47 +26,44 @@ class FrameQueue:
         self, frames: Iterable[RawFrame], depth: int, *, wait: bool = False, stopped: Callable[[], bool] = lambda: False
     ) -> None:
         self.dropped = 0
-        self._waiting: deque[RawFrame] = deque()
-        self._depth, self._wait, self._stopped = depth, wait, stopped
-        self._ended = False
-        self._failure: BaseException | None = None
-        self._changed = threading.Condition()
+        self._frames: queue.Queue[RawFrame] = queue.Queue(depth)
+        self._wait, self._stopped = wait, stopped
+        self._has_ended = threading.Event()
+        self._failure: Exception | None = None
         # A daemon, because a blocking read from a silent camera cannot be cancelled.
         threading.Thread(target=self._fill, args=(frames,), name="frames", daemon=True).start()
 
     def __iter__(self) -> Iterator[RawFrame]:
-        while (frame := self._take()) is not None:
-            yield frame
-        if self._failure is not None and not self._stopped():
-            raise self._failure
+        while not self._stopped():
+            has_ended = self._has_ended.is_set()  # asked first: then no frame comes after the queue is found empty
+            try:
+                yield self._frames.get(timeout=0 if has_ended else _POLL)
+            except queue.Empty:
+                if not has_ended:
+                    continue
+                if self._failure is not None:
+                    raise self._failure from None
+                return
 
     def __len__(self) -> int:
         """Number of frames that wait."""
-        return len(self._waiting)
-
-    def _take(self) -> RawFrame | None:
-        with self._changed:
-            while not (self._waiting or self._ended or self._stopped()):
-                self._changed.wait(_POLL)
-            self._changed.notify_all()
-            return self._waiting.popleft() if self._waiting and not self._stopped() else None
+        return self._frames.qsize()
 
     def _fill(self, frames: Iterable[RawFrame]) -> None:
         try:
             for frame in frames:
-                with self._changed:
-                    while self._wait and len(self._waiting) >= self._depth and not self._stopped():
-                        self._changed.wait(_POLL)
-                    if self._stopped():
-                        return
-                    if len(self._waiting) >= self._depth:
-                        self._waiting.popleft()
-                        self.dropped += 1
-                    self._waiting.append(frame)
-                    self._changed.notify_all()
+                while not self._stopped():
+                    try:
+                        self._frames.put(frame, self._wait, _POLL)
+                        break
+                    except queue.Full:
+                        if not self._wait:
+                            with suppress(queue.Empty):  # it may have been taken meanwhile
+                                self._frames.get_nowait()
+                                self.dropped += 1
+                else:
+                    return
         except Exception as failure:
             self._failure = failure
         finally:
-            with self._changed:
-                self._ended = True
-                self._changed.notify_all()
+            self._has_ended.set()

@@ -10,14 +10,13 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO
 
 from ...shared import Mosaic
 from ...shared.arrays import ByteArray
 from ...shared.dng import encode_dng
 from ...shared.errors import InputError, OutputError
 from ...shared.series import frame_name
-from ...shared.writing import durable_file, part_path, reason, sweep
+from ...shared.writing import durable_file, part_path, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
@@ -58,8 +57,8 @@ class ShotFolder:
     def burst(self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], count: int, taken: datetime) -> list[Path]:
         """Write all frames of a burst, or none, and return their paths; see `save`.
 
-        All files are complete on the disk before the first gets its name, and frame 1 gets its own last: whatever ends the program,
-        a burst that has a frame 1 is whole.
+        All files are written before the first gets its name, and frame 1 gets its own last: whatever ends the program, a burst that
+        has a frame 1 is whole.
 
         frames: called for the frames with their previews; called again if another camera takes the name meanwhile.
         count: number of frames.
@@ -97,21 +96,11 @@ def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteAr
         with ExitStack() as stack:
             for path, (mosaic, picture) in zip(paths, frames, strict=True):
                 stack.push(partial(_note_named, named, path))
-                file = stack.enter_context(durable_file(path))
-                file.write(encode_dng(mosaic, picture))
-                file.flush()
-                _sync(file, path)  # a full disk shows before any file has its name
+                stack.enter_context(durable_file(path)).write(encode_dng(mosaic, picture))
     except BaseException:
         for path in named:
             path.unlink(missing_ok=True)
         raise
-
-
-def _sync(file: BinaryIO, path: Path) -> None:
-    try:
-        os.fsync(file.fileno())
-    except OSError as error:
-        raise OutputError(f"{path}: {reason(error, path)}") from error
 
 
 def _note_named(named: list[Path], path: Path, error: type[BaseException] | None, *_: object) -> None:

@@ -105,20 +105,6 @@ class Geometry:
         """
         return _masks(self.pattern, self.scale)[self._order]
 
-    @property
-    def has_pixel_probes(self) -> bool:
-        """Whether a pixel of the picture lies at each corner of a patch: probes then read them for next to nothing.
-
-        With more pixels the window would grow, and the probes would cost more than a second reading of the frame.
-        """
-        return self.pattern.period == 2 * self.scale
-
-    def corner(self, pixel: int) -> Place:
-        """(down, right), 0 or 1: the corner of the patch that is nearest to a pixel of the picture."""
-        along = self.pattern.period // self.scale
-        row, column = divmod(int(self._order[pixel]), along)
-        return row * 2 // along, column * 2 // along
-
     @cached_property
     def window(self) -> tuple[range, range]:
         """(rows, columns) that the probes read, counted from the origin of a block."""
@@ -137,9 +123,8 @@ class Geometry:
     def probes(self) -> FloatArray:
         """Weights of all probes, float32 (probes, window rows, window columns), kind by kind; `kinds` counts them.
 
-        The kinds: interpolation along rows, along columns (one probe per reading each), differences along rows, along columns, sums
-        of the samples themselves (one probe per reading), and, where `has_pixel_probes`, sums over the panchromatic samples of
-        every pixel of the picture, measured from the block at the nearest corner of its patch.
+        The kinds: interpolation along rows, along columns (one probe per reading each), differences along rows, along columns, and
+        the samples themselves (one probe per reading).
         """
         rows, columns = self.window
         probes = [probe for kind in self._probes for probe in kind]
@@ -205,12 +190,10 @@ class Geometry:
     @cached_property
     def _probes(self) -> list[list[dict[Place, float]]]:
         readings = [[(row, column) for row, column, _ in sites] for sites in self.readings]
-        pixels = [[self._pixel_sum(number) for number in range(len(self.pixels))]] if self.has_pixel_probes else []
         return [
             *([self._mean_interpolation(sites, axis) for sites in readings] for axis in (1, 0)),
             *(self._steps(axis) for axis in (1, 0)),
             [dict.fromkeys(sites, 1.0) for sites in readings],
-            *pixels,
         ]
 
     @property
@@ -219,11 +202,6 @@ class Geometry:
         across, within = self.across, self.within
         every = np.arange((across * within) ** 2).reshape(across, within, across, within)
         return every.transpose(1, 3, 0, 2).ravel()
-
-    def _pixel_sum(self, number: int) -> dict[Place, float]:
-        """Weights that add up the panchromatic samples of a pixel of the picture."""
-        down, right = (half - self.pattern.period * far for half, far in zip(self.half, self.corner(number), strict=True))
-        return {(down + row, right + column): 1.0 for row, column in np.argwhere(self.pixels[number]).tolist()}
 
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
         """Weights whose sum of samples is the mean of the values that are interpolated at some sites."""

@@ -18,7 +18,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "12"
+BUILDER = "13"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or pictures of `Preview`."""
 
 
@@ -38,7 +38,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     if scale == 1:
         pixels, cells = pixel_light(g, settle(g, probes, blocks, pooled.parts))
     else:
-        pixels, cells = mean_light(g, probes.pixels)
+        pixels, cells = mean_light(g)
     spread = propagate(g, pooled, colour, cells, "" if linear else burnt_out(g, cells))  # Eq. 10
     camera = [g("Mul", each, spread) for each in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))

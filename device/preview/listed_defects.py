@@ -8,7 +8,7 @@ from ...shared.arrays import CodeArray, IndexArray
 from ...shared.pattern import CfaPattern
 
 _SAMPLES = 6  # in a median: those beside a pixel without one of its rows or columns
-_SEARCHED = 12, 400  # samples, the nearest first, of which the good ones are taken; the second for clusters, lines and edges
+_SEARCHED = 400  # samples, the nearest first, of which the good ones are taken
 _REACH = 4  # periods
 
 
@@ -34,21 +34,23 @@ def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[
     good[tuple(places.T)] = False
     phases = places % pattern.period
     for phase in np.unique(phases, axis=0):
-        same = _same_filter(pattern, *phase.tolist())
-        left = places[(phases == phase).all(axis=1)]
-        for count in _SEARCHED:
-            if not len(left):
+        alike = places[(phases == phase).all(axis=1)]
+        values = np.full((len(alike), _SAMPLES), np.nan)
+        counts = np.zeros(len(alike), np.intp)
+        missing = np.arange(len(alike))
+        for step in _same_filter(pattern, *phase.tolist()):
+            if not len(missing):
                 break
-            around = left[:, None] + same[:count]
-            inside = ((around >= 0) & (around < codes.shape)).all(axis=2)
-            rows, columns = np.where(inside[..., None], around, 0).transpose(2, 0, 1)
+            around = alike[missing] + step
+            inside = ((around >= 0) & (around < codes.shape)).all(axis=1)
+            rows, columns = np.where(inside[:, None], around, 0).T
             is_good = inside & good[rows, columns]
-            nearest = np.argsort(~is_good, axis=1, kind="stable")[:, :_SAMPLES]
-            values = np.where(is_good, codes[rows, columns], np.nan)
-            values = np.take_along_axis(values, nearest, axis=1)
-            known = np.isfinite(values).any(axis=1) if count == _SEARCHED[-1] else np.isfinite(values).all(axis=1)
-            mended[tuple(left[known].T)] = np.rint(np.nanmedian(values[known], axis=1))
-            left = left[~known]
+            filled = missing[is_good]
+            values[filled, counts[filled]] = codes[rows, columns][is_good]
+            counts[filled] += 1
+            missing = missing[counts[missing] < _SAMPLES]
+        known = counts > 0
+        mended[tuple(alike[known].T)] = np.rint(np.nanmedian(values[known], axis=1))
     return mended
 
 
@@ -59,4 +61,4 @@ def _same_filter(pattern: CfaPattern, row: int, column: int) -> IndexArray:
     planes = pattern.filter_map((period, period))
     steps = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
     steps = steps[planes[tuple((steps + np.array((row, column))).T % period)] == planes[row, column]]
-    return steps[np.argsort(np.square(steps).sum(axis=1), kind="stable")[1 : _SEARCHED[-1] + 1]]
+    return steps[np.argsort(np.square(steps).sum(axis=1), kind="stable")[1 : _SEARCHED + 1]]

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from . import contract
-from .geometry import REACH
 from .nodes import END, FLOAT
 from .pattern_graph import PatternGraph
 
@@ -25,7 +24,6 @@ class Probes(NamedTuple):
     columns: interpolation along columns, codes above black.
     row_steps, column_steps: differences along rows and along columns.
     samples: colour samples, as panchromatic codes above black times gamma: what luminance has from a channel.
-    pixels: sums of the pixels of a smaller picture, as read, where `Geometry.has_pixel_probes`; else "".
     """
 
     turn: str
@@ -33,7 +31,6 @@ class Probes(NamedTuple):
     row_steps: str
     column_steps: str
     samples: str
-    pixels: str = ""
 
 
 class Blocks(NamedTuple):
@@ -60,14 +57,14 @@ def measure_blocks(g: PatternGraph) -> Probes:
     codes = g("Cast", contract.MOSAIC, to=FLOAT) if g.geometry.scale == 1 else contract.MOSAIC
     image = g("Unsqueeze", codes, [0, 1])
     probes = g("Squeeze", g("Conv", image, weights[:, None], strides=[period, period]), [0])
-    turn, columns, row_steps, column_steps, samples, *pixels = g.split(probes, g.geometry.kinds, axis=0)
+    turn, columns, row_steps, column_steps, samples = g.split(probes, g.geometry.kinds, axis=0)
     channels = [sites[0][2] for sites in g.geometry.readings]
     counts = np.array([float(len(sites)) for sites in g.geometry.readings])
     black = g("Unsqueeze", g("Mul", g("Gather", contract.BLACK, channels), counts), [1, 2])
     scale = g("Mul", g("Gather", contract.SCALE, channels), g("Gather", contract.GAMMA, channels))
     gain = g("Unsqueeze", g("Div", scale, g("Mul", g.unit, counts)), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return Probes(turn, g("Sub", columns, g.black), row_steps, column_steps, samples, *pixels)
+    return Probes(turn, g("Sub", columns, g.black), row_steps, column_steps, samples)
 
 
 def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
@@ -147,28 +144,16 @@ def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
     return [g("Unsqueeze", light, [0, 1]) for light in pixels], g("Mul", g.sum(pixels), 1 / cell**2)
 
 
-def mean_light(g: PatternGraph, measured: str = "") -> tuple[list[str], str]:
+def mean_light(g: PatternGraph) -> tuple[list[str], str]:
     """Luminance of every pixel of a smaller picture, the mean of its panchromatic samples; and the mean of each cell.
 
-    measured: `Probes.pixels`.
     The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour of the cells.
     """
     counts = g.geometry.pixels.sum(axis=(1, 2))[:, None, None]
-    if measured:
-        # Around the blocks at the corners of the patches there are more on each side, see `Geometry.halo`.
-        means = g("Sub", g("Mul", measured, 1 / counts), g.black)
-        rows, columns = REACH
-        places = [(pixel, *g.geometry.corner(pixel)) for pixel in range(len(g.geometry.pixels))]
-        parts = [
-            g("Slice", means, [n, rows + i, columns + j], [n + 1, i - 1 - rows, j - 1 - columns], [0, 1, 2]) for n, i, j in places
-        ]
-        light = g("Concat", *parts, axis=0)
-    else:
-        above, below, left, right = g.geometry.halo
-        codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
-        image = g("Unsqueeze", codes, [0, 1])
-        sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2), [0])
-        light = g("Sub", g("Mul", sums, 1 / counts), g.black)
-        parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
+    above, below, left, right = g.geometry.halo
+    image = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [0, 1])
+    sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2), [0])
+    light = g("Sub", g("Mul", sums, 1 / counts), g.black)
+    parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
     mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))
     return [g.reshape(light, [len(parts), 1, g.geometry.across**2, *g.patches])], mean

@@ -17,7 +17,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.runtime import session
 from . import contract
-from .border import ExtendedFrame, Span
+from .border import copy_extended
 from .even_light import even_light
 from .geometry import Geometry
 from .graph import build_preview
@@ -74,14 +74,17 @@ class Preview:
             for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
         )
         above, below, left, right = self._geometry.halo
-        frame, inputs = self._prepared(mosaic, rows.span(above, below), columns.span(left, right))
+        even, levels = even_light(mosaic)
+        codes = without_defects(even, pattern, mosaic.calibration.defects)
+        inputs = self._inputs(mosaic.calibration) | levels
         gain = None if linear else _gain(mosaic, rows, columns)
         picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
         width = columns.patches * pattern.period
 
         def develop(patches: range, buffer: NDArray[Any]) -> None:
             cut = buffer[: above + len(patches) * pattern.period + below]
-            frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
+            top = rows.first + patches.start * pattern.period - above
+            copy_extended(codes, pattern.period, top, columns.first - left, cut)
             raised = {} if gain is None else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
             (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised})
             begin = patches.start * pattern.period // scale - rows.skip
@@ -113,13 +116,6 @@ class Preview:
         for name, expected, found in (("pattern", *tiles), ("channels", ours.channels, pattern.channels)):
             if expected != found:
                 raise InputError(f"the preview is for the {name} {expected}, the mosaic has {found}")
-
-    def _prepared(self, mosaic: Mosaic, rows: Span, columns: Span) -> tuple[ExtendedFrame, dict[str, NDArray[Any]]]:
-        """The frame without shading and listed defects, extended to `rows` and `columns`; and all other inputs of the graph."""
-        even, levels = even_light(mosaic)
-        inputs = self._inputs(mosaic.calibration) | levels
-        codes = without_defects(even, mosaic.pattern, mosaic.calibration.defects)
-        return ExtendedFrame(codes, mosaic.pattern, rows, columns), inputs
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs of the graph except the mosaic."""
@@ -159,10 +155,6 @@ class _Axis:
         skip = ((scale - 1) // 2 - first) // scale
         pixels = max(size // scale, 1)
         return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)
-
-    def span(self, before: int, after: int) -> tuple[int, int]:
-        """(first, last + 1) sensor pixel of the patches, extended by `before` and `after` pixels."""
-        return self.first - before, self.first + self.patches * self.period + after
 
 
 def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:

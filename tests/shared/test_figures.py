@@ -10,7 +10,7 @@ import pytest
 
 from panchroma.shared import NoiseModel, SensorCalibration, Shading, read_camera
 from panchroma.shared.errors import InputError
-from panchroma.shared.figures import numbers, parsed_json, whole
+from panchroma.shared.figures import parsed_json
 
 HUGE = 10**400
 SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[arg-type]
@@ -74,15 +74,6 @@ def test_callers_get_an_error_by_name_too(of: Callable[[Any], Any], figure: Any)
     with pytest.raises(InputError) as caught:
         of(figure)
     assert len(str(caught.value)) < 500
-
-
-def test_numbers_of_any_type_are_taken() -> None:
-    assert numbers("a", np.array([1, 2], np.uint8)) == (1.0, 2.0)
-    assert numbers("a", np.full((2, 2), 0.5, np.float32), depth=2) == ((0.5, 0.5), (0.5, 0.5))
-    assert whole("a", np.int64(7)) == 7
-    for wrong in (np.True_, np.array(["1"]), {"1": 1}, 1j):
-        with pytest.raises(InputError, match=r"^a is "):
-            numbers("a", [wrong] if isinstance(wrong, complex | np.bool_) else wrong)
 
 
 def test_documents_are_refused_with_the_reason() -> None:

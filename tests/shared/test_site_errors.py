@@ -17,9 +17,3 @@ def test_it_is_a_correlation(pattern: CfaPattern) -> None:
     assert np.linalg.eigvalsh(matrix).min() > 0
     channels = len(pattern.channels)
     assert measured == [site * channels + channel for site, (*_, channel) in enumerate(pattern.sites)]
-
-
-def test_it_falls_with_distance_and_between_channels() -> None:
-    every, measured = error_correlation(CfaPattern.bayer(6))
-    red, first_green, second_green, blue = measured
-    assert 1 > every[first_green, second_green] > every[red, first_green] > every[red, blue] > 0

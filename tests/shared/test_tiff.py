@@ -27,21 +27,6 @@ def value(kind: FieldType, values: Any) -> Any:
         return tag.value
 
 
-@pytest.mark.parametrize(
-    ("kind", "values"),
-    [
-        (FieldType.BYTE, bytes(range(4))),  # lies in the entry itself
-        (FieldType.BYTE, bytes(range(5))),  # lies elsewhere
-        (FieldType.UNDEFINED, b"0230"),
-        (FieldType.SHORT, (1, 2, 3)),
-        (FieldType.LONG, (2**32 - 1, 0)),
-        (FieldType.DOUBLE, (0.1, -1e300)),
-    ],
-)
-def test_values_come_back(kind: FieldType, values: Any) -> None:
-    assert value(kind, values) == values
-
-
 @pytest.mark.parametrize("text", ["", "abc", "abcd", "Käthe 山田", "one\0two"])
 def test_texts_are_utf_8_and_end_with_their_only_nul(text: str) -> None:
     data = encode_tiff(Directory({_ASCII_TAG: (FieldType.ASCII, text)}))

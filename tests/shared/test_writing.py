@@ -21,12 +21,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_writes_the_parts_in_order_and_nothing_else(tmp_path: Path) -> None:
-    write_durably(tmp_path / "shot.dng", b"one ", bytearray(b"two "), memoryview(b"three"))
-    write_durably(str(tmp_path / "empty"))
-    assert contents(tmp_path) == {"shot.dng": b"one two three", "empty": b""}
-
-
 @pytest.mark.usefixtures("links")
 def test_never_overwrites_unless_told(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
@@ -108,8 +102,8 @@ def test_an_error_of_another_file_is_not_said_of_this_one(tmp_path: Path) -> Non
         fail(file.write(b"part"))
     assert caught.value is other
     for on_complete in (fail, lambda _: fail):  # at once, and when the file is on the disk
-        with pytest.raises(OSError, match="other") as caught:
-            write_durably(tmp_path / "b", b"whole", on_complete=on_complete)
+        with pytest.raises(OSError, match="other") as caught, durable_file(tmp_path / "b", on_complete=on_complete) as file:
+            file.write(b"whole")
         assert caught.value is other
     assert list(tmp_path.iterdir()) == []
 

@@ -1,4 +1,3 @@
-import errno
 import gc
 import os
 import tracemalloc
@@ -19,7 +18,7 @@ from panchroma.device.capture.white_balance import SteadyWhite
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import read_preview
-from panchroma.shared.errors import DurabilityWarning, InputError, OutputError
+from panchroma.shared.errors import InputError, OutputError
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT, shot
 
@@ -118,14 +117,6 @@ def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk
     with pytest.raises(OutputError, match="the disk is full"):
         next(running)
     assert [path.name for path in tmp_path.iterdir()] == ["20260309T070501.000Z-000001.dng"]
-
-
-def test_a_folder_that_cannot_be_synced_does_not_end_it(tmp_path: Path, unsynced_folders: Callable[[int], None]) -> None:
-    unsynced_folders(errno.EIO)
-    with pytest.warns(DurabilityWarning, match="cannot be synced"):
-        outcomes = list(capture(map(frame, range(3)), SENSOR, grey, ShotFolder(tmp_path)))
-    assert [type(outcome) for outcome in outcomes] == [Saved] * 3
-    assert len([read_dng(path) for path in tmp_path.iterdir()]) == 3
 
 
 @pytest.mark.parametrize(

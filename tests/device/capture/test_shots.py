@@ -42,13 +42,6 @@ def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
     assert save(ShotFolder(tmp_path)).name.endswith("Z-1000001.dng")
 
 
-def test_another_camera_in_the_folder_loses_nothing(tmp_path: Path) -> None:
-    one, other = ShotFolder(tmp_path), ShotFolder(tmp_path)
-    saved = [save(each) for each in (one, other, one, other)]
-    assert len(set(saved)) == 4
-    assert len(names(tmp_path)) == 4
-
-
 def burst(shots: ShotFolder, count: int, meanwhile: Callable[[], object] = bool) -> list[Path]:
     """Save a burst; meanwhile: called while its last frame is made."""
 

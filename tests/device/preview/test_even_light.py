@@ -40,13 +40,6 @@ def test_a_preview_does_not_show_shading(scale: int, linear: bool) -> None:
     assert np.quantile(apart, 0.99) <= (0.005 if linear else 2)
 
 
-def test_a_frame_without_shading_is_its_own() -> None:
-    mosaic = shot(12, shading=False)
-    codes, levels = even_light(mosaic)
-    assert codes is mosaic.samples
-    assert levels == {}
-
-
 def test_noise_below_black_stays() -> None:
     calibration = replace(SensorCalibration.of_bits(12), shading=LENS)
     codes, levels = even_light(Mosaic(np.zeros(SHAPE, np.uint16), PATTERN, calibration))

@@ -83,9 +83,3 @@ def test_scales() -> None:
     assert Geometry.scales(CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8)) == (1, 4, 8)
     with pytest.raises(InputError, match="2 x 2 sensor pixels: a pattern of period 8 has 1, 4, 8"):
         Geometry(CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8), 2)
-
-
-def test_chromaticity_is_shared_by_two_by_two_pixels_where_they_fit() -> None:
-    cells = {period: Geometry(CfaPattern.bayer(period)).cell for period in (3, 4, 6, 7, 8)}
-    assert cells == {3: 1, 4: 2, 6: 2, 7: 1, 8: 2}
-    assert [Geometry(CfaPattern.bayer(6), scale).cell for scale in (2, 3, 6)] == [2, 6, 6]

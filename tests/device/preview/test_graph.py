@@ -1,6 +1,4 @@
 import hashlib
-from itertools import product
-from types import ModuleType
 
 import numpy as np
 import onnx
@@ -8,7 +6,7 @@ import pytest
 from onnx import numpy_helper
 
 from panchroma.device import Preview
-from panchroma.device.preview import chromaticity, contract, graph, luminance, pattern_graph, picture
+from panchroma.device.preview import contract, graph
 from panchroma.device.preview.geometry import Geometry
 from panchroma.device.preview.graph import build_preview
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
@@ -18,7 +16,7 @@ from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import sample
 from tests.reference.compare import assert_close
 
-DIGEST = "faf08fc3c36a738ca7b9fd0e8377667a6ccd1f520716f51cb6876c2edfd9e953"
+DIGEST = "a2a950899373911e519a023ade82a23725cbb66d81dcce56e8ee0284fc220274"
 """Of the graphs of CASES."""
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
@@ -97,36 +95,6 @@ def test_greys_are_grey_from_black_to_white() -> None:
     assert shades[0] == 0
     assert shades == sorted(shades)
     assert set(shades[34:]) == {255}
-
-
-CONSTANTS = {
-    pattern_graph: ["_FLOOR", "_STILL"],
-    luminance: ["_MISSED_NOISE", "_CONTRAST_ERROR"],
-    chromaticity: [
-        *("_LEAST_VARIANCE", "_PRIOR", "_POOLING", "_MISREAD", "_ALIKE", "_ALIKE_NOISE"),
-        *("_CONTRAST", "_NOISE_WEIGHT", "_SPREAD"),
-    ],
-    picture: ["_SHIFT", "_GAIN", "_BEND", "_KNEE"],
-}
-
-
-@pytest.mark.parametrize(("module", "name"), [(module, name) for module, names in CONSTANTS.items() for name in names])
-def test_every_constant_matters(module: ModuleType, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    dark = codes((24, 30)).astype(float)
-    dark[:, 20:] = 205 + dark[:, 20:] / 2000  # at the black level
-    mosaic = Mosaic(dark.astype(np.uint16), CfaPattern.bayer(), CALIBRATION)
-    quiet = Mosaic(mosaic.codes, mosaic.pattern, SensorCalibration(black_level=CALIBRATION.black_level, white_level=3900))
-
-    def pictures() -> list[np.ndarray]:
-        previews = [Preview(CfaPattern.bayer(), linear=kind, threads=1) for kind in (True, False)]
-        return [preview.run(each) for preview, each in product(previews, (mosaic, quiet))]
-
-    before = pictures()
-    monkeypatch.setattr(module, name, getattr(module, name) * 1.5)
-    after = pictures()
-    moved = [not np.array_equal(*pair) for pair in zip(before, after, strict=True)]
-    assert any(moved)
-    assert any(moved[:2]) == (module is not picture)
 
 
 @pytest.mark.parametrize("name", [contract.BLACK, contract.SCALE, contract.GAMMA, contract.NOISE, contract.WHITE, contract.MATRIX])

@@ -101,24 +101,6 @@ def test_what_no_dng_holds_is_refused(original: Mosaic, picture: Any, reason: st
         encode_dng(original, picture)
 
 
-def test_directories_are_laid_out_as_dng_wants() -> None:
-    data = encode_dng(mosaic(CfaPattern.bayer(6, "RGGB", (2, 5))), preview())
-    main, raw = pages(data)
-    assert data[:4] == b"II*\0"
-    with TiffFile(BytesIO(data)) as file:
-        assert len(file.pages) == 1
-        assert file.pages.first.tags[330].dtype == 4  # LONG, not IFD
-        assert file.pages.first.tags[330].count == 1
-    assert (main[254], main[259], main[262]) == (1, 7, 6)
-    assert (raw[254], raw[259], raw[262], raw[258], raw[277]) == (0, 7, 32803, 12, 1)
-    assert (bytes(main[50706]), bytes(main[50707])) == (b"\1\4\0\0", b"\1\2\0\0")
-    assert main[50708] == "Panchroma Pr?fling 7"
-    assert raw[33421] == (6, 6)
-    shown = np.frombuffer(raw[33422], np.uint8).reshape(6, 6)
-    coloured = {place: code for place, code in np.ndenumerate(shown) if code != 6}
-    assert coloured == {(2, 5): 0, (2, 0): 1, (3, 5): 1, (3, 0): 2}
-
-
 def test_black_levels_are_stated_per_pixel_where_planes_differ_and_otherwise_once() -> None:
     pattern = CfaPattern.bayer(4, origin=(1, 3))
     original = mosaic(pattern, calibrated=calibration(black_level=(200.0, 210.0, 220.25, 230.0)))

@@ -62,10 +62,6 @@ def assert_refused_cheaply(data: bytes, match: str) -> None:
     tracemalloc.stop()
 
 
-def test_the_helper_makes_good_files() -> None:
-    assert same(decode_dng(tampered({})), mosaic(CfaPattern.bayer(9)))
-
-
 @pytest.mark.parametrize("letters", ["paper", "WYWC/YWCW/WCWM/CWMW", "ABCDW/EFGHW/WWWWW/WWWWW/WWWWW"])
 def test_a_flipped_bit_is_told_or_harmless(letters: str) -> None:
     original = mosaic(CfaPattern.of_letters(letters), (13, 17))
