@@ -69,7 +69,8 @@ class CameraPair:
         """The shot of the sparse-colour camera; its calibration states the noise."""
         # The scene without its colours: filters are what all channels have in common.
         scene, level = Scene(self.truth, ""), self.level.scaled(filters_of(self.pattern).unit)
-        shot = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits).shoot(scene, self._rng).mosaic
+        camera = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits)
+        shot = camera.shoot(scene, self._rng).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property

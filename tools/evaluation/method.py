@@ -56,7 +56,8 @@ class Method:
     @property
     def missing(self) -> str | None:
         """A package that the method needs and that is not installed."""
-        return next((package for package in self.packages if package_version(package) is None), None)
+        missing = (package for package in self.packages if package_version(package) is None)
+        return next(missing, None)
 
     @property
     def remedy(self) -> str:
@@ -67,8 +68,11 @@ class Method:
     def identity(self) -> dict[str, Any]:
         """What results depend on besides scene, noise and pattern, as JSON values."""
         packages = {each: package_version(each) for each in self.packages}
-        return {"method": "network" if self.file else self.name, "version": self.version, "packages": packages}
+        name = "network" if self.file else self.name
+        return {"method": name, "version": self.version, "packages": packages}
 
     def render(self, cameras: CameraPair) -> FloatArray:
         """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
-        return cameras.render_sparse(self.function) if self.ours else self.function(cameras.bayer, cameras.white)
+        if self.ours:
+            return cameras.render_sparse(self.function)
+        return self.function(cameras.bayer, cameras.white)

@@ -139,7 +139,8 @@ def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, w
     margin = contract.margin
     vertical, horizontal = margin + (height + down) % 2, margin + (width + right) % 2
     pads = (margin + down, vertical), (margin + right, horizontal)
-    planes: list[Any] = [np.pad(each, pads, mode=BORDER).astype(np.float32) for each in (codes, noise)]
+    padded = (np.pad(plane, pads, mode=BORDER) for plane in (codes, noise))
+    planes: list[Any] = [plane.astype(np.float32) for plane in padded]
     rows, columns = planes[0].shape
     planes.append(channel_map((rows + down, columns + right))[down:, right:])
     picture = np.empty((3, rows - 2 * margin, columns - 2 * margin))
