@@ -97,8 +97,9 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             _created.append(path)
     except FileExistsError:
         if not path.is_dir():
-            wrong = dangling_link(path) if path.is_symlink() else "is not a folder"
-            raise OutputError(f"{folder}: {wrong}, or name another folder for the results") from None
+            link = path.is_symlink() and not path.exists()
+            wrong = f"{dangling_link(path)}, or name another folder" if link else "is not a folder; name the folder for the results"
+            raise OutputError(f"{folder}: {wrong}") from None
     except FileNotFoundError:
         advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
         raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}") from None
