@@ -18,7 +18,6 @@ import numpy as np
 from panchroma.shared import CfaPattern
 from panchroma.shared.dng import encode_dng
 from panchroma.tools.batch.journal import NAME as JOURNAL
-from tests.data import ROOT
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import mosaic, preview
 
@@ -99,7 +98,7 @@ class Scenario:
         killing = [str(folder / "out"), str(point)] if point else []
         feed = folder / "stdin"
         feed.write_bytes(self.stdin)
-        variables = {**os.environ, "PYTHONPATH": str(ROOT), "FAULT_SIGNAL": str(number), **(environment or {})}
+        variables = {**os.environ, "FAULT_SIGNAL": str(number), **(environment or {})}
         with feed.open("rb") as stdin:
             return subprocess.Popen(
                 [sys.executable, "-c", script, *killing, self.arguments[0], *extra, *self.arguments[1:]],
