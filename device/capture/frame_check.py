@@ -130,7 +130,7 @@ class _Check:
         if shown is False and self._confirmed:
             rows = f"frames have another number of rows than {layout.height}"
             self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
-        if shown is False:
+        if shown is False or (shown and has_longer_period(tiles, pattern)):
             rows = "or rows do not begin where `stride` and `width` say"
             self._refuse(frame, f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}")
         if shown is None:
@@ -297,6 +297,18 @@ def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
     power = np.square(flat.parts).mean(axis=(1, 2))
     answers = [_are_in_place(folded[group], float(power[group].mean()), pattern) for group in groups]
     return False if False in answers else True if True in answers else None
+
+
+def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
+    """Return whether blocks repeat at twice the period of `pattern` only. It is for tiles that show them."""
+    period = 2 * pattern.period
+    flat = tiles.flattened()
+    explained, _ = _explained(flat.folded(period), _block(pattern, period))
+    row, column = pattern.block_origin
+    *_, second, first = np.sort(
+        explained[row % pattern.period :: pattern.period, column % pattern.period :: pattern.period], axis=None
+    )
+    return not pattern.is_scattered and bool(first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean())))
 
 
 def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> bool | None:

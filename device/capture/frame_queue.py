@@ -41,7 +41,7 @@ class FrameQueue:
             except queue.Empty:
                 if not has_ended:
                     continue
-                if self._failure is not None:
+                if self._failure is not None and not self._stopped():
                     raise self._failure from None
                 return
 

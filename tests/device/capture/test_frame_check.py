@@ -236,6 +236,12 @@ def test_stripes_are_no_proof_against_a_right_description() -> None:
         look(pack(taken(scene), "raw12"), of("raw12"))
 
 
+@pytest.mark.parametrize("period", [6, 8, 12])
+def test_half_of_the_period_is_refused_where_colours_do_not_show_it(period: int) -> None:
+    frame = pack(taken(GREY, CfaPattern.bayer(period, origin=(1, 2))), "u16")
+    assert PLACE in refusal(frame, of(pattern=CfaPattern.bayer(period // 2, origin=(1, 2))))
+
+
 def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/0001.raw")
     with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw --size"):
