@@ -34,7 +34,7 @@ FILL_ERROR = 0.3
 """Error of filled luminance as a share of that contrast. Chosen: half and twice change moving things by 0.6 dB, in both ways."""
 
 # Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said, and
-# photographs (constants benchmark) by 0.05. What each finds: tests/offline/burst/test_agree.py.
+# photographs by 0.05. What each finds: tests/offline/burst/test_agree.py.
 _SHIFTED, _WIDE = 2.0, 5.0  # pixels: standard deviations of larger neighbourhoods (photographs: 0.1, 0.0 dB)
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
 _LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
